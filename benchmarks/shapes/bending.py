@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg
 
-from handpipe.core import Array, IntArray
+from handpipe.core import Array, ConvergenceError, IntArray
 from handpipe.fem.elements import polar
 from handpipe.mesh.tets import cotangent_laplacian, mass_lumped
 
@@ -70,5 +70,5 @@ class Bending:
             moved = float(np.abs(found - x[self.free]).max())
             x[self.free] = found
             if moved < SETTLED:
-                break
-        return x
+                return x
+        raise ConvergenceError("bending", f"vertices still move by {moved:.2g} mm", "Give fewer marks")

@@ -167,9 +167,12 @@ def _arap(body: Body, cells: IntArray) -> Array:
     x = np.ascontiguousarray(_harmonic(part))
     for _ in range(ROUNDS // data.max_iter):
         before, x = x, np.ascontiguousarray(igl.arap_solve(part.targets, data, x))
-        if np.abs(x - before).max() < data.max_iter * SETTLED:
-            break
-    return part.whole(x)
+        moved = float(np.abs(x - before).max())
+        if moved < data.max_iter * SETTLED:
+            return part.whole(x)
+    raise ConvergenceError(
+        "as-rigid-as-possible", f"vertices still move by {moved:.2g} mm", "Give fewer marks"
+    )
 
 
 def icp_amberg(body: Body) -> Array:

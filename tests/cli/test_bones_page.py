@@ -2,14 +2,13 @@
 
 import json
 import shlex
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from tests.browser import chromium, needs_browser, patient
+from tests.browser import chromium, needs_browser, opened, settled
 
 from handpipe.anatomy.placing import load_bones
 from handpipe.cli import main
@@ -40,29 +39,8 @@ def session(skin: Path) -> BoneSession:
 
 @pytest.fixture
 def page(browser, session: BoneSession) -> Iterator:
-    wrong: list[str] = []
-    with BoneServer(session) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        context = patient(browser.new_context(viewport={"width": 1100, "height": 750}))
-        opened = context.new_page()
-        local = (server.address, "data:", "blob:")
-        opened.on("request", lambda r: None if r.url.startswith(local) else wrong.append(r.url))
-        opened.on("pageerror", lambda error: wrong.append(str(error)))
-        opened.goto(server.address)
-        opened.wait_for_selector("body[data-ready=yes]")
-        yield opened
-        context.close()
-        server.shutdown()
-        thread.join()
-    assert wrong == []
-
-
-def settled(page) -> None:
-    page.evaluate(
-        f"async () => {{ while ({PAGE}.editor.running) await {PAGE}.editor.running;"
-        "await new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r))); }"
-    )
+    with opened(browser, BoneServer(session)) as shown:
+        yield shown
 
 
 def on_page(page, place: tuple[float, float, float]) -> tuple[float, float]:

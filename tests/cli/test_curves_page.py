@@ -1,7 +1,6 @@
 """The page of handpipe curves in a real browser: drag, add, delete, undo, draw, save, what is wrong."""
 
 import json
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from tests.anatomy.arm import THREE_MUSCLES, arm
-from tests.browser import chromium, needs_browser, patient
+from tests.browser import chromium, needs_browser, opened, settled
 
 from handpipe.anatomy.templates import load_curves
 from handpipe.cli.muscle_curves import CurveServer, CurveSession
@@ -40,30 +39,8 @@ def page(browser, session: CurveSession, tmp_path: Path) -> Iterator:
     session.target, session.kept = tmp_path / "arm.yaml", None
     session.target.write_text(THREE_MUSCLES, encoding="utf-8")
     session.edit(json.dumps(yaml.safe_load(THREE_MUSCLES)).encode())
-    wrong: list[str] = []
-    with CurveServer(session) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        context = patient(browser.new_context(viewport={"width": 1100, "height": 750}))
-        opened = context.new_page()
-        local = (server.address, "data:", "blob:")
-        opened.on("request", lambda r: None if r.url.startswith(local) else wrong.append(r.url))
-        opened.on("pageerror", lambda error: wrong.append(str(error)))
-        opened.goto(server.address)
-        opened.wait_for_selector("body[data-ready=yes]")
-        yield opened
-        context.close()
-        server.shutdown()
-        thread.join()
-    assert wrong == []
-
-
-def settled(page) -> None:
-    """Every edit is answered and drawn."""
-    page.evaluate(
-        f"async () => {{ while ({PAGE}.editor.running) await {PAGE}.editor.running;"
-        "await new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r))); }"
-    )
+    with opened(browser, CurveServer(session)) as shown:
+        yield shown
 
 
 def place_of(page, muscle: str, point: int) -> tuple[float, float]:

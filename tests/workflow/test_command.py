@@ -14,6 +14,7 @@ import trimesh
 
 from handpipe.cli import main
 from handpipe.cli.new_subject import find_poses
+from handpipe.cli.own_files import LISTED
 from handpipe.cli.status import RuleJobs, duration, stages
 from handpipe.core import InputError, paths
 from handpipe.core.configuration import load_dataset, load_scene
@@ -305,7 +306,7 @@ def test_exported_labels_have_names_places_and_values(copy: Path) -> None:
     process = call(copy, "export", "small", "out")
     assert process.returncode == 0, process.stderr
     written = [Path(line).name for line in process.stdout.splitlines()]
-    assert sorted(written) == sorted(p.name for p in (copy / "out").iterdir())
+    assert sorted([*written, LISTED]) == sorted(p.name for p in (copy / "out").iterdir())
     own = nibabel.load(copy / paths.at(paths.LABELS, subject="small", pose="bent"))
     image = SimpleITK.ReadImage(str(copy / "out/small-bent.seg.nrrd"))
     np.testing.assert_array_equal(SimpleITK.GetArrayFromImage(image).T, np.asarray(own.dataobj))

@@ -762,8 +762,12 @@ def layers_in_poses(*roles):
 
 
 def of_layer(layer, files):
-    """Input function: what another one gives, where the scenes have a layer."""
-    return lambda w: files(w) if layer in scene_layers() else []
+    """Input function: what another one gives, where the scenes have a layer and the subject what it is of."""
+
+    def wanted(subject):
+        return layer in scene_layers() and getattr(dataset(subject), layer, True)
+
+    return lambda w: files(w) if wanted(w.subject) else []
 
 
 def posed_tendons(wildcards):

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from handpipe.core import InputError
 from handpipe.imaging.volumes import holds_background
+from handpipe.mesh.surfaces import SURFACE_SUFFIXES
 
 SEGMENTATION = ".seg.nrrd"
 VOLUMES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
-SCANS = (".ply", ".obj", ".stl")
 SEEDS = re.compile(r"[ _.-]*(seeds?|strokes?)$", re.IGNORECASE)
 LABELS = re.compile(r"[ _.-]*(labels?|labelmap|seg|segmentation)$", re.IGNORECASE)
 OTHER_WORDS = re.compile(r"[ _.-]*(scan|skin|mri|mr|image|volume)$", re.IGNORECASE)
@@ -59,7 +59,7 @@ def _candidates(folder: Path) -> Iterator[Path]:
         if TEMPLATE in relative.parts or any(part.startswith(".") for part in relative.parts):
             continue
         series = path.is_dir() and any(map(_is_dicom, path.iterdir()))
-        if series or (path.is_file() and path.name.lower().endswith((*VOLUMES, *SCANS))):
+        if series or (path.is_file() and path.name.lower().endswith((*VOLUMES, *SURFACE_SUFFIXES))):
             yield relative
 
 
@@ -73,9 +73,9 @@ def _is_dicom(path: Path) -> bool:
 def _kind(path: Path, folder: Path) -> tuple[str, str]:
     """The field that a file is for, and its pose: its name without what tells its kind."""
     name = path.name
-    suffix = next((s for s in (SEGMENTATION, *VOLUMES, *SCANS) if name.lower().endswith(s)), "")
+    suffix = next((s for s in (SEGMENTATION, *VOLUMES, *SURFACE_SUFFIXES) if name.lower().endswith(s)), "")
     stem = name[: len(name) - len(suffix)]
-    kind = "scan" if suffix in SCANS else "volume"
+    kind = "scan" if suffix in SURFACE_SUFFIXES else "volume"
     if kind == "volume" and (SEEDS.search(stem) or SEEDS.search(path.parent.name)):
         kind = "seeds"
     elif kind == "volume" and (

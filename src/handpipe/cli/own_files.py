@@ -18,7 +18,8 @@ LISTED = "handpipe-files.json"  # hash of each file by who wrote it, beside the 
 def written_anew(folder: Path, owner: str) -> Iterator[Path]:
     """Give an empty folder, whose files come to `folder` if the block succeeds; the owner's earlier ones go.
 
-    A file that was changed since the owner wrote it, and one that nobody listed, remains.
+    A file that was changed since the owner wrote it, and one that nobody listed, remains unless the block
+    writes one of its name.
 
     Parameters
     ----------

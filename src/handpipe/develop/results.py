@@ -68,12 +68,14 @@ FIGURES = (
     _figure("skin to true skin by m0, held out, mean", "skin: true_heldout_error_mean"),
 )  # fmt: skip
 
-# Heads of the table of variants, and what their figures' names have after the variant's.
-OF_VARIANTS = {
+# Heads of tables of models, and what the names of figures have after the model's.
+OF_SKINS = {
     "to scan, examples": "example_error",
     "to scan, held out": "heldout_error",
     "to true skin, examples": "true_example_error",
     "to true skin, held out": "true_heldout_error",
+}
+OF_VARIANTS = OF_SKINS | {
     "without strains, to true skin, held out": f"{PASSIVE.removeprefix('_')}_true_heldout_error",
     "tendons, held out": "tendons_heldout_error",
     "muscles, held out": "muscles_heldout_error",
@@ -180,8 +182,7 @@ def _section(folder: Path) -> Iterator[str]:
             where = ", ".join(f"`{name}`" for name in figure.names)
             yield f"| {figure.text} | `{figure.stage}`: {where} | {shown} | {figure.published} |"
     if "baselines" in known:
-        columns = dict(list(OF_VARIANTS.items())[:4])
-        rows = _models(known["baselines"], SKIN_MODELS, columns)
+        rows = _models(known["baselines"], SKIN_MODELS, OF_SKINS)
         yield from ("", f"### Simpler models, {folder.name}", "", *rows)
     if "ablations" in known:
         yield from ("", f"### Variants of the full model, {folder.name}", "", *_variants(known["ablations"]))

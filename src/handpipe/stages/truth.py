@@ -25,6 +25,12 @@ def surfaces_in(group: Mapping[str, Any]) -> dict[str, Surface]:
     return {name: Surface(d["vertices"], d["triangles"]) for name, d in group.items()}
 
 
+def true_motion(known: Mapping[str, Any], bone: str) -> RigidTransform:
+    """Transform of a bone from neutral into the frame of a pose whose truth `true_pose` gave."""
+    group = known["bones"][bone]
+    return RigidTransform(group["rotation"], group["translation"])
+
+
 def bone_errors(
     files: Sequence[Path],
     pose: str,
@@ -32,10 +38,10 @@ def bone_errors(
     centroids: Mapping[str, np.ndarray],
 ) -> tuple[list[float], list[float]]:
     """Angles in deg and distances of centroids in mm between found and true transforms, a bone each."""
-    truth = true_pose(files, pose)["bones"]
+    truth = true_pose(files, pose)
     rotations, translations = [], []
     for bone, centroid in centroids.items():
-        true = RigidTransform(truth[bone]["rotation"], truth[bone]["translation"])
+        true = true_motion(truth, bone)
         rotations.append(float(np.degrees(found[bone].angle_to(true))))
         translations.append(float(np.linalg.norm(found[bone](centroid[None]) - true(centroid[None]))))
     return rotations, translations

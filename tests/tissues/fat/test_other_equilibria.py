@@ -18,10 +18,10 @@ RIGHT = RigidTransform(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array(
 
 
 def simulated(bone: RigidTransform, name: str = "plain"):
-    """The limb's layer, a frame, and its shapes."""
+    """The limb's layer, a frame, and its shapes; its bone is thicker than in neutral: energy is not zero."""
     layer = TissueLayer("fat", limb(Region.fixed))
     frame = Frame(name, {}, {"core": bone})
-    shapes = below(bone(below()["bones"]["core"].rest))
+    shapes = below(bone(1.05 * below()["bones"]["core"].rest))
     return layer, frame, shapes | {"fat": layer.solve(frame, shapes)}
 
 

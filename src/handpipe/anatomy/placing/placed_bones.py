@@ -125,20 +125,8 @@ def _between(template: Surface, start: Array, end: Array, radius: float | None) 
     widest = float(np.linalg.norm(across, axis=1).max())
     length, own = np.linalg.norm(end - start), np.linalg.norm(high - low)
     scale = length / own if radius is None else radius / widest
-    turn = _shortest_turn(axis, (end - start) / length)
+    turn, _ = Rotation.align_vectors((end - start)[None] / length, axis[None])  # the shortest
     return template.moved(start + np.outer(along, end - start) + scale * turn.apply(across))
-
-
-def _shortest_turn(a: Array, b: Array) -> Rotation:
-    """The rotation of the least angle that carries a unit vector to another."""
-    cross, cosine = np.cross(a, b), float(np.clip(a @ b, -1, 1))
-    sine = float(np.linalg.norm(cross))
-    if sine > 0:
-        return Rotation.from_rotvec(np.arctan2(sine, cosine) * cross / sine)
-    if cosine > 0:
-        return Rotation.identity()
-    other = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])
-    return Rotation.from_rotvec(np.pi * other / np.linalg.norm(other))
 
 
 def _apart(a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import InputError
-from handpipe.mesh.surfaces import Surface, read_surface
+from handpipe.mesh.surfaces import SURFACE_SUFFIXES, Surface, read_surface
 
 ROD = "rod"
-SUFFIXES = (".ply", ".stl", ".obj")
 AROUND, ALONG = 20, 24  # vertices of a ring of the rod, and its rings
 WAIST = 0.55  # radius of the rod's middle over that of its ends
 SLENDER = 0.1  # largest radius of the rod over its length
@@ -41,9 +40,10 @@ def read_library(folders: list[Path], bones: Path) -> dict[str, Surface]:
     """
     found = {ROD: rod()}
     for folder in (bones, *folders):
-        files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES) if folder.is_dir() else []
+        inside = folder.iterdir() if folder.is_dir() else ()
+        files = sorted(p for p in inside if p.suffix.lower() in SURFACE_SUFFIXES)
         if not files:
-            remedy = f"Name a folder of files {', '.join(SUFFIXES)}"
+            remedy = f"Name a folder of files {', '.join(SURFACE_SUFFIXES)}"
             raise InputError(folder, "library", "has no surface", remedy)
         found |= {path.stem: read_surface(path, closed=True) for path in files}
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,9 @@ from handpipe.cli.muscle_curves.packing import pack
 from handpipe.cli.muscle_curves.session import (
     copied_beside,
     curves_command,
+    each_with,
     given_json,
+    given_vector,
     require_yaml,
     surface_arrays,
 )
@@ -140,20 +142,15 @@ class BoneSession:
 
     def _placed(self, content: Any) -> Any:
         """The content with each ray as a point."""
-        if isinstance(content, list):
-            return [self._placed(x) for x in content]
-        if not isinstance(content, dict):
-            return content
-        if "ray" not in content:
-            return {key: self._placed(value) for key, value in content.items()}
-        try:
-            origin, direction = (np.array(content["ray"][key], float) for key in ("origin", "direction"))
-        except (TypeError, ValueError, KeyError) as error:
-            raise InputError(self.target, "ray", "is no ray", "Load the page again") from error
-        if origin.shape != (3,) or direction.shape != (3,):
-            raise InputError(self.target, "ray", "is no ray", "Load the page again")
-        point = middle_inside(self.skin, origin, direction, self.target)
-        return np.round(point, 3).tolist()
+
+        def middle(given: Mapping[str, Any]) -> Any:
+            ray = given["ray"] if isinstance(given["ray"], dict) else {}
+            origin, direction = (
+                given_vector(self.target, f"ray.{part}", ray.get(part)) for part in ("origin", "direction")
+            )
+            return np.round(middle_inside(self.skin, origin, direction, self.target), 3).tolist()
+
+        return each_with("ray", content, middle)
 
 
 def open_bones(target: Path, skin: Path, folders: Sequence[Path] = ()) -> BoneSession:

@@ -7,7 +7,7 @@ import math
 import shlex
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,13 @@ from handpipe.anatomy.editing import (
 )
 from handpipe.anatomy.templates import Domain, TissueMesh, build_tissue_mesh
 from handpipe.cli.muscle_curves.packing import pack
-from handpipe.core import InputError, evenly
+from handpipe.core import Array, InputError, evenly
 from handpipe.core.configuration import Name, checked
 from handpipe.fem.linear import factorise
-from handpipe.mesh.surfaces import Surface, read_surface
+from handpipe.mesh.surfaces import SURFACE_SUFFIXES, Surface, read_surface
 
 TETS = 60_000  # of the domain, about, where no edge length is given
 FIBRES = 1500  # lines of fibres that are drawn, at most
-SUFFIXES = (".ply", ".stl", ".obj")
 
 
 class CurveSession:
@@ -175,18 +174,14 @@ class CurveSession:
 
     def _dropped(self, content: Any) -> Any:
         """The content with each drop as a place on a bone."""
-        if isinstance(content, list):
-            return [self._dropped(x) for x in content]
-        if not isinstance(content, dict):
-            return content
-        if "drop" not in content:
-            return {key: self._dropped(value) for key, value in content.items()}
-        point, bone = np.array(content["drop"], dtype=float), content.get("bone")
-        if point.shape != (3,) or not all(map(math.isfinite, point)):
-            raise InputError(self.target, "drop", f"{content['drop']} is no point", "Load the page again")
-        place = place_on_bone(point, self.bones, self.draft.distal, self.target, bone)
-        others = {key: value for key, value in content.items() if key not in ("drop", "bone")}
-        return place.model_dump(mode="json", exclude_unset=True) | others
+
+        def placed(given: Mapping[str, Any]) -> Any:
+            point = given_vector(self.target, "drop", given["drop"])
+            place = place_on_bone(point, self.bones, self.draft.distal, self.target, given.get("bone"))
+            others = {key: value for key, value in given.items() if key not in ("drop", "bone")}
+            return place.model_dump(mode="json", exclude_unset=True) | others
+
+        return each_with("drop", content, placed)
 
 
 def curves_command(file: Path, skin: Path, bones: Path) -> str:
@@ -267,12 +262,34 @@ def given_json(target: Path, content: bytes) -> Any:
         raise InputError(target, "edit", "is no JSON", "Load the page again") from error
 
 
+def given_vector(target: Path, field: str, given: Any) -> Array:
+    """Three finite numbers (3,) that a page sent."""
+    try:
+        vector = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        vector = np.zeros(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(target, field, f"{given} is no point", "Load the page again")
+    return vector
+
+
+def each_with(key: str, content: Any, replaced: Callable[[Mapping[str, Any]], Any]) -> Any:
+    """JSON in which every object that has a key is replaced."""
+    if isinstance(content, list):
+        return [each_with(key, x, replaced) for x in content]
+    if not isinstance(content, dict):
+        return content
+    if key in content:
+        return replaced(content)
+    return {name: each_with(key, value, replaced) for name, value in content.items()}
+
+
 def _bone_files(given: Path) -> list[Path]:
     if not given.is_dir():
         return [given]
-    found = sorted(p for p in given.iterdir() if p.suffix.lower() in SUFFIXES)
+    found = sorted(p for p in given.iterdir() if p.suffix.lower() in SURFACE_SUFFIXES)
     if not found:
-        raise InputError(given, "bones", "has no surface", f"Put files {', '.join(SUFFIXES)} there")
+        raise InputError(given, "bones", "has no surface", f"Put files {', '.join(SURFACE_SUFFIXES)} there")
     return found
 
 

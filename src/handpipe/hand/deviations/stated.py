@@ -17,9 +17,9 @@ from handpipe.hand.deviations.bones import (
     variance_at,
 )
 from handpipe.skeleton.rig import Rig
+from handpipe.tissues.tendons import CENTRELINE
 
 KIND = "deviations"
-CENTRELINE = "_centreline"
 LITTLE = 0.01  # share of a bone in a point's motion below which it does not count
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from handpipe.mesh.surfaces.scan import read_scan
     from handpipe.mesh.surfaces.smoothing import averaging, taubin
     from handpipe.mesh.surfaces.surface import (
+        SURFACE_SUFFIXES,
         Surface,
         component_labels,
         concatenate,
@@ -41,6 +42,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "SURFACE_SUFFIXES",
     "EDGE",
     "FACE",
     "Anchors",

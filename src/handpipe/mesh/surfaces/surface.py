@@ -332,6 +332,7 @@ READERS: dict[str, Callable[[Path], tuple[Array, Polygons]]] = {
     ".obj": read_obj,
     ".stl": read_stl,
 }
+SURFACE_SUFFIXES = tuple(READERS)  # of files that `read_surface` reads
 METRES, MICROMETRES = 1.0, 3000.0  # mm; no part of a hand is smaller or larger
 
 

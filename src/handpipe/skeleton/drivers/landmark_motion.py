@@ -6,6 +6,7 @@ from landmark to landmark are transferred to bones of the rig's own length; plac
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from handpipe.skeleton.joints.limits import long_axis
 from handpipe.skeleton.posing.inverse_kinematics import Reach, ReachOptions, solve
 from handpipe.skeleton.posing.targets import LEVER, Direction, Position, Target
 from handpipe.skeleton.rig.rig import Rig
+
+log = logging.getLogger(__name__)
 
 BONES = {
     "THUMB": ("metacarpal1", "proximal1", "distal1"),
@@ -277,8 +280,11 @@ def fit_points(
         targets = _targets(placed, rig, where)
         found = solve(rig, targets, start=angles, options=options)
         angles = found.angles
-        if all(abs(angles[name] - before[name]) < SETTLED for name in angles):
+        turned = max(abs(angles[name] - before[name]) for name in angles)
+        if turned < SETTLED:
             break
+    else:
+        log.warning("%s: angles still change by %.2g deg", source, np.degrees(turned))
     return LandmarkFit.measure(found, targets)
 
 

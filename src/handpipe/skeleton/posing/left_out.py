@@ -81,8 +81,7 @@ def _completed(space: PoseSpace, weights: Array) -> Array:
 
 def _variance(space: PoseSpace, pose: Array, weights: Array) -> float:
     to_pose = np.linalg.norm(space.examples - pose, axis=1)
-    between = np.linalg.norm(space.examples[:, None] - space.examples[None], axis=2)
-    rough = float(2 * weights @ to_pose - weights @ between @ weights)
+    rough = float(2 * weights @ to_pose - weights @ space.between() @ weights)
     trend = 2.0 * float(((pose - weights @ space.examples) ** 2).sum()) / ALIKE
     found = rough + trend
     return found if found > COINCIDENT else 0.0

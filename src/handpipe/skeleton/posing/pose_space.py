@@ -215,6 +215,10 @@ class PoseSpace:
         """The same space with the weights of Zheng 2022 Eq. 1."""
         return replace(self, interpolation="inverse-distance")
 
+    def between(self) -> Array:
+        """Distances (N, N) of the examples from one another."""
+        return np.asarray(np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2))
+
     def apart(self) -> float:
         """The distance of the two examples that are nearest to one another; infinite of a single one."""
         return float(pdist(self.examples).min(initial=np.inf))
@@ -268,7 +272,7 @@ class PoseSpace:
         origin, directions = self._linear_part()
         n, k = len(self.examples), 1 + directions.shape[1]
         system = np.zeros((n + k, n + k))
-        system[:n, :n] = self._between()
+        system[:n, :n] = self.between()
         system[:n, n] = system[n, :n] = 1
         system[:n, n + 1 :] = (self.examples - origin) @ directions
         system[n + 1 :, :n] = system[:n, n + 1 :].T
@@ -277,11 +281,7 @@ class PoseSpace:
 
     def _exponential_weights(self, distances: Array) -> Array:
         """The best linear estimate of what has no mean and a correlation of exp(-distance / `ALIKE`)."""
-        return _shared_solution(np.exp(-self._between() / ALIKE), np.exp(-distances / ALIKE))
-
-    def _between(self) -> Array:
-        """Distances (N, N) of the examples from one another."""
-        return np.asarray(np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2))
+        return _shared_solution(np.exp(-self.between() / ALIKE), np.exp(-distances / ALIKE))
 
     def _linear_part(self) -> tuple[Array, Array]:
         """Origin (d,) and orthonormal directions (d, k) in which the examples are enough to tell a slope."""

@@ -22,6 +22,7 @@ from handpipe.stages.files import Files
 from handpipe.stages.skin_distances import SkinDistances, role_figures, skin_distances
 from handpipe.stages.truth import surfaces_in, true_pose
 from handpipe.tissues.fat import Skin
+from handpipe.tissues.tendons import CENTRELINE
 from handpipe.tissues.tendons.fitting import centreline_errors
 
 FULL = {"m0": "m0", "m1": f"m0{PASSIVE}"}  # the full model's skins, and their names here
@@ -99,8 +100,9 @@ def _tendon_errors(
     layers: Mapping[str, Shapes], true: Mapping[str, Mapping[str, Array]], home: RigidTransform
 ) -> list[Array]:
     rods = layers.get("tendons", {})
-    lines = {name: home(data["centreline"]) for name, data in true.items() if f"{name}_centreline" in rods}
-    return [e for n, line in lines.items() for e in centreline_errors(rods[f"{n}_centreline"].vertices, line)]
+    lines = {f"{n}{CENTRELINE}": home(data["centreline"]) for n, data in true.items()}
+    known = {name: line for name, line in lines.items() if name in rods}
+    return [e for name, line in known.items() for e in centreline_errors(rods[name].vertices, line)]
 
 
 def _muscle_errors(

@@ -7,19 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from handpipe.core import Frame, RigidTransform, Shape, Shapes
+from handpipe.core import Frame, Shape, Shapes
 from handpipe.mesh.surfaces import Anchors
 from handpipe.skeleton.rig import Rig
-from handpipe.stages.truth import surfaces_in, true_pose
+from handpipe.stages.truth import surfaces_in, true_motion, true_pose
 from handpipe.tissues.tendons import TendonLayer
 
 
 def with_true_bones(frame: Frame, rig: Rig, truth: Sequence[Path]) -> Frame:
     """A scanned pose with the bones' true transforms, in the frame of the simulation."""
     home = rig.poses[frame.name].root.inverse()
-    true = true_pose(truth, frame.name)["bones"]
-    bones = {b: home @ RigidTransform(true[b]["rotation"], true[b]["translation"]) for b in frame.bones}
-    return replace(frame, bones=bones)
+    known = true_pose(truth, frame.name)
+    return replace(frame, bones={bone: home @ true_motion(known, bone) for bone in frame.bones})
 
 
 def true_tendons(layer: TendonLayer, frame: Frame, rig: Rig, truth: Sequence[Path]) -> Shapes:

@@ -25,11 +25,11 @@ from handpipe.hand.deviations import HandDeviations
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.truth import true_pose
+from handpipe.stages.truth import true_motion, true_pose
 from handpipe.tissues.fat import Skin
+from handpipe.tissues.tendons import CENTRELINE
 
 BY_ANGLES = "angles"
-CENTRELINE = "_centreline"
 KINDS = {"bones": "bones", "tendons": "tendons", "muscles": "muscles", "fat": "skin"}  # by layer
 
 
@@ -162,8 +162,7 @@ class TruePose:
         """
         points = shapes[body].vertices
         if body in frame.bones:
-            true = self.known["bones"][body]
-            motion = self.home @ RigidTransform(true["rotation"], true["translation"])
+            motion = self.home @ true_motion(self.known, body)
             rest = rig.surfaces[body].vertices
             return np.asarray(np.linalg.norm(frame.bones[body](rest) - motion(rest), axis=1))
         if body.endswith(CENTRELINE):

@@ -32,7 +32,7 @@ from handpipe.stages.files import Files
 from handpipe.tissues.fat import FatStrains, Tissue
 from handpipe.tissues.muscles import Muscle
 from handpipe.tissues.muscles.separation import load_surfaces
-from handpipe.tissues.tendons import Tendon
+from handpipe.tissues.tendons import CENTRELINE, Tendon
 
 Layers = Mapping[str, Shapes]
 
@@ -92,7 +92,7 @@ def _tendons(
 ) -> dict[str, BodyDeviation]:
     found, posed = {}, iter(inputs.posed_tendons)
     for tendon in map(Tendon.load, inputs.tendons):
-        name, fits = f"{tendon.name}_centreline", {}
+        name, fits = f"{tendon.name}{CENTRELINE}", {}
         for pose in dataset.examples:
             x = rig.poses[pose].root.inverse()(artifacts.read(next(posed), "posed_tendon")["x"])
             fits[pose] = Seen(inner[pose]["tendons"][name].vertices, centreline(x))
@@ -103,13 +103,13 @@ def _tendons(
 def _muscles(
     inputs: Inputs, dataset: Dataset, rig: Rig, inner: Mapping[str, Layers]
 ) -> dict[str, BodyDeviation]:
+    if inputs.templates is None:
+        return {}
     seen = {}
     for pose, path in zip(dataset.examples, inputs.separated, strict=True):
         home = rig.poses[pose].root.inverse()
         seen[pose] = {name: s.moved(home(s.vertices)) for name, s in load_surfaces(path).items()}
-    found, templates = {}, {}
-    if inputs.templates is not None:
-        templates = artifacts.read(inputs.templates, "placed_templates")
+    found, templates = {}, artifacts.read(inputs.templates, "placed_templates")
     for muscle in map(Muscle.load, inputs.muscles):
         name = muscle.name
         fits = {p: Seen(inner[p]["muscles"][name].vertices, seen[p][name]) for p in dataset.examples}

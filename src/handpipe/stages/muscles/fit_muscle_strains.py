@@ -36,14 +36,13 @@ def fit_muscle_strains(inputs: Inputs, output: Path, dataset: Dataset, name: str
     rig = Rig.load(inputs.rig)
     bodies = read_bodies(inputs.neutral)
     shapes = artifacts.read(inputs.shapes, "muscle_shapes")
-    surfaces = {
-        pose: load_surfaces(p)
-        for pose, p in zip(dataset.examples, inputs.separated, strict=bool(inputs.separated))
-    }
-    surfaces = surfaces or {
-        pose: {n: b.surface.moved(shapes[pose][n]["vertices"]) for n, b in bodies.items()}
-        for pose in dataset.examples
-    }
+    if inputs.separated:
+        surfaces = dict(zip(dataset.examples, map(load_surfaces, inputs.separated), strict=True))
+    else:
+        surfaces = {
+            pose: {n: b.surface.moved(shapes[pose][n]["vertices"]) for n, b in bodies.items()}
+            for pose in dataset.examples
+        }
     # Surfaces come from each scanner's frame to the rig's, in which the muscle will be simulated.
     back = {pose: rig.poses[pose].root.inverse() for pose in dataset.examples}
     transforms = {pose: rig.scanned_bones(pose) for pose in dataset.examples}

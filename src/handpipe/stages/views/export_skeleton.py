@@ -14,11 +14,10 @@ from handpipe.hand import SimulatedFrame, StoredFrames
 from handpipe.hand.exports import residual_motion, write_bones, write_mjcf, write_osim
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.tissues.tendons import Tendon, bone_path
+from handpipe.tissues.tendons import CENTRELINE, Tendon, bone_path
 
 log = logging.getLogger(__name__)
 FOLDED = 0.01  # of a tendon's pull: a rod that is compressed more is folded, as no tendon is
-CENTRELINE = "_centreline"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ here: means of the group that each entry names). The child: see its entry.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -46,7 +47,7 @@ class MeasuredPerson:
         """Thickness in mm at the heads: that of two half circles and a straight part as long around."""
         if self.circumference is None:
             return None
-        return (self.circumference - 2.0 * self.breadth) / (3.141592653589793 - 2.0)
+        return (self.circumference - 2.0 * self.breadth) / (math.pi - 2.0)
 
 
 # To which the bones of the median man belong.

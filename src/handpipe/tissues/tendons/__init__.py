@@ -6,13 +6,14 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.tissues.tendons import fitting, rods
-    from handpipe.tissues.tendons.layer import TendonLayer
+    from handpipe.tissues.tendons.layer import CENTRELINE, TendonLayer
     from handpipe.tissues.tendons.straight_path import BonePath, bone_path
     from handpipe.tissues.tendons.tendon import RegisteredRods, Tendon, build_tendon
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "CENTRELINE",
     "BonePath",
     "RegisteredRods",
     "Tendon",

@@ -13,6 +13,8 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.tendons.rods.rest import PULL
 from handpipe.tissues.tendons.tendon import Tendon
 
+CENTRELINE = "_centreline"  # ends the name of the body that is a tendon's rod, beside that of its surface
+
 
 class TendonLayer:
     """Tendons of loaded artifacts. Frames do not depend on one another.
@@ -79,7 +81,7 @@ class TendonLayer:
         segments = np.stack([np.arange(len(x) - 1), np.arange(1, len(x))], axis=1)
         return {
             tendon.name: Shape(self._rest[tendon.name], surface.vertices, surface.triangles),
-            f"{tendon.name}_centreline": Shape(tendon.rest.x, x, segments, fields or {}, figures or {}),
+            f"{tendon.name}{CENTRELINE}": Shape(tendon.rest.x, x, segments, fields or {}, figures or {}),
         }
 
 

@@ -2,8 +2,8 @@
 
 import * as THREE from "three";
 import { Space, looks, meshesOf } from "space";
-import { BONE, addViews, element, geometryOf, isStill, list, listenToKeys, listenToSkin, pixelsOf, put, say, skinOf } from "./view.js";
-import { Editor, get, post } from "./editor.js";
+import { BONE, element, endPage, geometryOf, isStill, list, listenToKeys, listenToSkin, openPage, pixelsOf, put, say, skinOf } from "./view.js";
+import { Editor, post } from "./editor.js";
 
 const POINT = 0.012; // radius of a point, over that of the skin
 const NEAR = 14; // pixels from a point at which a pointer takes it
@@ -179,7 +179,7 @@ class Page {
     on("undo", "click", () => this.editor.undo());
     on("redo", "click", () => this.editor.redo());
     on("save", "click", () => this.save());
-    on("end", "click", () => this.end());
+    on("end", "click", () => endPage(this.editor));
     on("new", "submit", (_, event) => {
       event.preventDefault();
       const [name, kind, template] = ["name", "kind", "template"].map((id) => element(id).value);
@@ -208,25 +208,6 @@ class Page {
     }
   }
 
-  async end() {
-    if (this.editor.saved === false && !confirm("End without saving?")) return;
-    this.editor.saved = true;
-    await post("stop");
-    say("Ended. This page can be closed.");
-    for (const button of document.querySelectorAll("aside button")) button.disabled = true;
-  }
 }
 
-try {
-  const settings = await (await fetch("settings.json")).json();
-  element("title").textContent = document.title = settings.title;
-  const page = new Page(settings, await get("surfaces"));
-  document.querySelector("main").page = page;
-  addViews(page.space, page.sphere);
-  page.editor.start(await get("state"));
-  say(`Save writes ${settings.file}`);
-  document.body.dataset.ready = "yes";
-} catch (error) {
-  say(`${error.message}. The page needs WebGL 2 and a browser from 2023 or later.`, true);
-  throw error;
-}
+await openPage((settings, surfaces) => new Page(settings, surfaces));

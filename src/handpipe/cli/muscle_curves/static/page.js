@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { Space, looks, meshesOf } from "space";
-import { BONE, addViews, element, geometryOf, isStill, list, listenToKeys, listenToSkin, pixelsOf, put, say, skinOf } from "./view.js";
+import { BONE, element, endPage, geometryOf, isStill, list, listenToKeys, listenToSkin, openPage, pixelsOf, put, say, skinOf } from "./view.js";
 import { Editor, anyNormal, get, inSpace, newAttachment, newCurve, onBone, pointsAt, post } from "./editor.js";
 
 const POINT = 0.012; // radius of a point, over that of the skin
@@ -322,7 +322,7 @@ class Page {
     on("redo", "click", () => this.editor.redo());
     on("save", "click", () => this.request("save", "Saving"));
     on("tets", "click", () => this.request("tets", "Making tets, which takes some seconds to minutes"));
-    on("end", "click", () => this.end());
+    on("end", "click", () => endPage(this.editor));
     on("show-bones", "change", ({ checked }) => { for (const mesh of this.bones) mesh.visible = checked; this.draw(); });
     on("show-muscles", "change", () => { this.rebuild(); this.draw(); });
     on("opacity", "input", () => { this.rebuild(); this.draw(); });
@@ -384,25 +384,6 @@ class Page {
     for (const id of ["save", "tets"]) element(id).disabled = false;
   }
 
-  async end() {
-    if (this.editor.saved === false && !confirm("End without saving?")) return;
-    this.editor.saved = true;
-    await post("stop");
-    say("Ended. This page can be closed.");
-    for (const button of document.querySelectorAll("aside button")) button.disabled = true;
-  }
 }
 
-try {
-  const settings = await (await fetch("settings.json")).json();
-  element("title").textContent = document.title = settings.title;
-  const page = new Page(settings, await get("surfaces"));
-  document.querySelector("main").page = page;
-  addViews(page.space, page.sphere);
-  page.editor.start(await get("state"));
-  say(`Save writes ${settings.file}`);
-  document.body.dataset.ready = "yes";
-} catch (error) {
-  say(`${error.message}. The page needs WebGL 2 and a browser from 2023 or later.`, true);
-  throw error;
-}
+await openPage((settings, surfaces) => new Page(settings, surfaces));

@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { looks, meshesOf } from "space";
+import { get, post } from "./editor.js";
 
 const VIEWS = { front: [0, 0, 1, 0, 1, 0], back: [0, 0, -1, 0, 1, 0], right: [0, 1, 0, 0, 0, 1], left: [0, -1, 0, 0, 0, 1], end: [1, 0, 0, 0, 0, 1] };
 const STILL = 4; // pixels that a pointer may move in a click
@@ -33,8 +34,34 @@ export function skinOf(arrays) {
   return { meshes: meshesOf(geometry, looks(null, { colour: SKIN, opacity: 0.15 }), 1000), sphere: geometry.boundingSphere };
 }
 
+/** Opens a page, which `make` makes of its settings and surfaces, with the state of its session. */
+export async function openPage(make) {
+  try {
+    const settings = await (await fetch("settings.json")).json();
+    element("title").textContent = document.title = settings.title;
+    const page = make(settings, await get("surfaces"));
+    document.querySelector("main").page = page;
+    addViews(page.space, page.sphere);
+    page.editor.start(await get("state"));
+    say(`Save writes ${settings.file}`);
+    document.body.dataset.ready = "yes";
+  } catch (error) {
+    say(`${error.message}. The page needs WebGL 2 and a browser from 2023 or later.`, true);
+    throw error;
+  }
+}
+
+/** Ends the server, and with it what the page can do. */
+export async function endPage(editor) {
+  if (editor.saved === false && !confirm("End without saving?")) return;
+  editor.saved = true;
+  await post("stop");
+  say("Ended. This page can be closed.");
+  for (const button of document.querySelectorAll("aside button")) button.disabled = true;
+}
+
 /** Buttons of the sides to look from. */
-export function addViews(space, sphere) {
+function addViews(space, sphere) {
   for (const [view, side] of Object.entries(VIEWS)) {
     element("views").append(Object.assign(document.createElement("button"), { textContent: view, onclick: () => space.look(side, sphere) }));
   }

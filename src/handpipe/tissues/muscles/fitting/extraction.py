@@ -6,8 +6,9 @@ The method is that of Zheng 2022 §4.2 and Wang 2021 §6.1.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 from scipy import sparse
@@ -277,13 +278,12 @@ def extract_poses(
         log.info("%s: guessed from %s", pose, near or "neutral")
         data = poses[pose]
         moved, image = data.transforms, data.volume()
+        there, placed = known[near]
+        carried = {m: e(data.flesh.vertices) for m, e in embeddings.items()} if data.flesh is not None else {}
         guesses = {
-            m: _guesses(b, bones, moved, (known[near][0], known[near][1][m]), image)
+            m: _unlike(_starts(carried.get(m), b, bones, moved, (there, placed[m]), image))
             for m, b in bodies.items()
         }
-        if data.flesh is not None:
-            for m, embedding in embeddings.items():
-                guesses[m] = _unlike([embedding(data.flesh.vertices), *guesses[m]])
         found[pose] = _Pose(pose, bodies, bones, data, image, markers, options).fitted(guesses)
         known[pose] = moved, {m: e.vertices for m, e in found[pose].items()}
     return {pose: found[pose] for pose in poses}
@@ -293,6 +293,20 @@ def _in_flesh(bodies: Mapping[str, SoftBody], flesh: Shape) -> dict[str, Embeddi
     """Where the bodies' mesh vertices lie in the flesh's tets, which are the same in all poses."""
     mesh = TetMesh(flesh.rest, flesh.cells)
     return {m: Embedding.embed(b.mesh.vertices, mesh) for m, b in bodies.items()}
+
+
+def _starts(
+    in_flesh: Array | None,
+    body: SoftBody,
+    bones: Mapping[str, Surface],
+    moved: Mapping[str, RigidTransform],
+    known: tuple[Mapping[str, RigidTransform], Array],
+    image: Volume,
+) -> Iterator[Array]:
+    """The guess by the flesh, where it is known, then `_guesses`, made only if they are asked for."""
+    if in_flesh is not None:
+        yield in_flesh
+    yield from _guesses(body, bones, moved, known, image)
 
 
 def _guesses(
@@ -318,16 +332,16 @@ def _guesses(
     level = estimate_muscle_level(image, body.surface_at(middle))
     strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
     order = np.argsort([np.mean(np.minimum(s, 1.0)) for s in strangeness], kind="stable")
-    return _unlike([guesses[i] for i in order])
+    return [*_unlike(guesses[i] for i in order)]
 
 
-def _unlike(guesses: Sequence[Array]) -> list[Array]:
+def _unlike(guesses: Iterable[Array]) -> Iterator[Array]:
     """The guesses (n, 3) that differ from all before them."""
     chosen: list[Array] = []
     for x in guesses:
         if all(np.linalg.norm(x - other, axis=1).mean() > ALIKE for other in chosen):
             chosen.append(x)
-    return chosen
+            yield x
 
 
 class _Pose:
@@ -349,17 +363,17 @@ class _Pose:
         self.there = Distance(concatenate([*self.posed_bones.values()]))
         self.found: dict[str, Extraction] = {}
 
-    def fitted(self, guesses: Mapping[str, Sequence[Array]]) -> dict[str, Extraction]:
+    def fitted(self, guesses: Mapping[str, Iterator[Array]]) -> dict[str, Extraction]:
         """Extractions of all muscles, by name.
 
         Each muscle is fitted from the guess for which the image shows most of its boundary. Where that is not
         nearly all, it is fitted again from the motion of the muscles around it. Muscles that touch have one
         brightness: a wrong guess looks right inside, but not at its boundary.
         """
-        self.x = {m: starts[0] for m, starts in guesses.items()}
+        self.x = {m: next(starts) for m, starts in guesses.items()}
         for name, starts in guesses.items():
-            for number, start in enumerate(starts):
-                self._try(name, start, f"guess {number + 1} of {len(starts)}")
+            for number, start in enumerate(chain([self.x[name]], starts), start=1):
+                self._try(name, start, f"guess {number}")
                 if self.found[name].seen >= SEEN:
                     break
         for name in sorted(self.bodies, key=lambda m: -self.found[m].seen):
@@ -369,7 +383,7 @@ class _Pose:
             if found.seen < DOUBTED:
                 log.warning(
                     "%s in %s: the image shows only %.2f of its boundary. Part of it may lie elsewhere: "
-                    "look at it, and place markers on it where it does",
+                    "compare it with the image, and place markers where they differ",
                     name,
                     self.name,
                     found.seen,
