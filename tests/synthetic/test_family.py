@@ -34,24 +34,6 @@ HEIGHTS = np.linspace(-8.0, 4.0, 7)  # mm above the knuckles' middles, of an adu
 ADULT = 69.0  # mm: length of the third metacarpal of the hand that these heights are of
 LENGTH, ACROSS = 2.0, 2.0  # mm that a measure on the surfaces may differ from the table
 
-# What the hands do not meet yet (docs/limitations.md); each goes with its mending.
-FAULTS = {
-    ("test_bones_lie_inside_the_skin_and_apart", "hand-woman"): "trapezoid 0.77 mm below the skin",
-    ("test_bones_lie_inside_the_skin_and_apart", "hand-long-fingers"): "trapezoid 0.84 mm below the skin",
-    ("test_bones_and_breadth_have_the_measured_size", "hand-large-man"): "middle4 2.6 mm too long",
-    ("test_bones_and_breadth_have_the_measured_size", "hand-long-fingers"): "middle3 2.1 mm too long",
-    ("test_bones_and_breadth_have_the_measured_size", "hand-left"): "middle finger 4 % too long",
-    ("test_poses_are_of_this_hand_within_its_limits_and_leave_room", "hand-large-man"): "flat beyond limits",
-}
-
-
-@pytest.fixture(autouse=True)
-def known_fault(request: pytest.FixtureRequest) -> None:
-    """Expects the failure of a hand that is known, and no other."""
-    name = getattr(getattr(request.node, "callspec", None), "params", {}).get("hand")
-    if fault := FAULTS.get((request.function.__name__, name)):
-        request.applymarker(pytest.mark.xfail(reason=fault, strict=True))
-
 
 def hand_measures(hand: SubjectTemplate) -> dict[str, float]:
     """Lengths of the long bones, breadth and thickness at the knuckles.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy.templates.curves import MuscleCurves, load_curves
+    from handpipe.anatomy.templates.curves import ControlPoint, MuscleCurves, load_curves
     from handpipe.anatomy.templates.diffusion import Factorise, superlu
     from handpipe.anatomy.templates.domain import Domain
     from handpipe.anatomy.templates.fibres import harmonic_fibres
@@ -24,6 +24,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "ControlPoint",
     "Domain",
     "Factorise",
     "HandFile",

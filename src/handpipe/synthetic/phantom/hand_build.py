@@ -17,7 +17,7 @@ from handpipe.core import Array
 from handpipe.synthetic.geometry.varied_shapes import Variation
 
 GIRTH = 0.05  # largest deviation of a bone's girth from that of the hand
-SHAPE = 0.5  # mm of the median hand: deviation of bones' surfaces, smooth over `varied_shapes.LENGTH`
+SHAPE = 0.4  # mm of the median hand: deviation of bones' surfaces, smooth over `varied_shapes.LENGTH`
 AXIS, CENTRE = 3.0, 0.4  # deg and mm of the median hand: deviation of a joint's axes and centre
 LEAST_REACH = 0.88  # of the median hand's angles in a pose, by the kind of joint
 ANGLE, PALM_ANGLE = 2.0, 1.0  # deg: largest deviation of an angle in a pose; of the palm's joints
@@ -55,7 +55,7 @@ class HandBuild:
         return float(self._random("girth", bone).uniform(1.0 - GIRTH, 1.0 + GIRTH))
 
     def volume(self, muscle: str) -> float:
-        """Volume of a muscle as a share of the median hand's, at its size."""
+        """Volume of a muscle on bones as long as the median hand's, as a share of that hand's."""
         return float(self.flesh**2 * self._random("volume", muscle).uniform(1.0 - VOLUME, 1.0))
 
     def shaped(self, points: Array) -> Array:
@@ -84,6 +84,7 @@ class HandBuild:
             reach = self._random("reach", name.rstrip("abcdefghijklmnopqrstuvwxyz")).uniform(LEAST_REACH, 1.0)
             most = PALM_ANGLE if name.startswith("CMC") else ANGLE
             off = self._random("angle", f"{pose} {name}").uniform(-most, most)
+            off = abs(off) if value < 0.0 else off  # the median hand's extension is nearly that of the limits
             found[name] = round(float(reach * value + off), 1)
         return found
 

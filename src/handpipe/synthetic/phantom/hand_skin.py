@@ -58,7 +58,10 @@ def flesh(layout: Layout) -> list[Cone]:
         Cone(("metacarpal1", (16, -6, 1)), ("metacarpal2", (24, 4, 0)), 11.0, 11.0),
         Cone(("metacarpal1", (48, -6, -1)), ("metacarpal2", (50, 3, -7)), 10.5, 11.0),
         Cone(("metacarpal2", (14, 5, 1)), ("metacarpal2", (62, 5, -1)), 12.0, 10.0),
+    ]
+    # A lean hand's wrist is no thinner: little but skin lies on the carpals.
+    wrist = [
         Cone(("trapezium", (0, 0, 1)), ("hamate", (0, 0, 1)), 11.5, 11.0),
         Cone(("trapezium", (0, 0, -6)), ("hamate", (0, 0, -8)), 12.0, 12.0),
     ]
-    return layout.fleshed([*cones, *layout.stretched(between)])
+    return [*layout.fleshed([*cones, *layout.stretched(between)]), *layout.stretched(wrist)]

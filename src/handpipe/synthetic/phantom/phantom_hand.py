@@ -11,7 +11,7 @@ from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.phantom import posed_hand
 from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.hand_tissue import Layout, Surroundings
-from handpipe.synthetic.phantom.phantom_hand_bones import RAYS, PlacedBone, Surface, bones, frames, rays
+from handpipe.synthetic.phantom.phantom_hand_bones import PlacedBone, Surface, bones, frames, rays, stretch
 from handpipe.synthetic.phantom.phantom_hand_joints import BETWEEN, POSES, joints
 from handpipe.synthetic.phantom.posed_hand import Hand, HandMotion
 
@@ -45,9 +45,7 @@ def layout(build: HandBuild | None = None) -> Layout:
     }
     if build is None:
         return Layout(frames(), chains)
-    median = {f"{kind}{ray}": s.length for ray, segments in RAYS.items() for kind, s in segments.items()}
-    stretch = {bone: build.length(bone) / length for bone, length in median.items()}
-    return Layout(frames(build), chains, stretch, build.flesh)
+    return Layout(frames(build), chains, stretch(build), build.flesh)
 
 
 def motion() -> HandMotion:

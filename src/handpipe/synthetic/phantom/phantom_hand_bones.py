@@ -44,19 +44,21 @@ class Kind:
     """What bones of a kind share: their shape at girth 1, and how thick their cortex is.
 
     head: from the bone's end back to the middle of its head, and that middle's height, at girth 1; cortex:
-    along the shaft and under the joints. All in mm.
+    along the shaft and under the joints; beyond: what the median hand's surfaces, hollowed at their bases and
+    rounded at their heads, are longer than stated. All in mm.
     """
 
     shape: LongBone
     head: tuple[float, float]
     cortex: tuple[float, float]
+    beyond: float
 
 
 KINDS = {
-    "metacarpal": Kind(METACARPAL, (6.8, 0.0), (1.4, 0.75)),
-    "proximal": Kind(PROXIMAL, (4.6, -0.6), (1.3, 0.7)),
-    "middle": Kind(MIDDLE, (3.7, -0.3), (1.1, 0.65)),
-    "distal": Kind(DISTAL, (2.9, 0.0), (0.85, 0.6)),
+    "metacarpal": Kind(METACARPAL, (6.8, 0.0), (1.4, 0.75), -0.5),
+    "proximal": Kind(PROXIMAL, (4.6, -0.6), (1.3, 0.7), 0.2),
+    "middle": Kind(MIDDLE, (3.7, -0.3), (1.1, 0.65), 0.6),
+    "distal": Kind(DISTAL, (2.9, 0.0), (0.85, 0.6), 0.5),
 }
 
 
@@ -135,9 +137,20 @@ def rays(build: HandBuild | None = None) -> dict[int, dict[str, RaySegment]]:
 
     def grown(kind: str, ray: int, segment: RaySegment) -> RaySegment:
         bone = f"{kind}{ray}"
-        return RaySegment(segment.kind, build.length(bone), segment.girth * build.girth(bone))
+        length = build.length(bone) - segment.kind.beyond
+        return RaySegment(segment.kind, length, segment.girth * build.girth(bone))
 
     return {ray: {k: grown(k, ray, s) for k, s in segments.items()} for ray, segments in RAYS.items()}
+
+
+def stretch(build: HandBuild) -> dict[str, float]:
+    """Length of each long bone as a share of the median hand's, before the hand has its size."""
+    grown = rays(build)
+    return {
+        f"{kind}{ray}": grown[ray][kind].length / segment.length
+        for ray, segments in RAYS.items()
+        for kind, segment in segments.items()
+    }
 
 
 def frames(build: HandBuild | None = None) -> dict[str, RigidTransform]:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
 
 from handpipe.anatomy.person import SubjectTemplate, scaled
-from handpipe.anatomy.templates import HandFile, HandTemplate, MuscleCurves
+from handpipe.anatomy.templates import ControlPoint, HandFile, HandTemplate, MuscleCurves
 from handpipe.mesh.generation import remesh
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.hand_skin import skin_surface
+from handpipe.synthetic.phantom.phantom_hand_bones import stretch
 from handpipe.synthetic.template_hands import hand_templates
 
 LIGAMENT_TISSUE = 1.5  # of the file's, in other hands than the median one
+BULGE = 0.2  # mm that a ligament's curve keeps off the bone between two points on it
 LIGAMENT_REACH = 4.0  # mm of the median hand about a ligament's ends within which it is attached
 
 
@@ -42,8 +48,9 @@ def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None
 def of_build(file: HandFile, build: HandBuild) -> HandFile:
     """The file of curves for another hand, as large as the median one.
 
-    Muscles have its volumes. Ligaments are firmer: those of the file just keep their place beside the median
-    hand's muscles, and other muscles cut them off.
+    Muscles have its volumes, as long as the bones that they are on. Ligaments are firmer: those of the file
+    just keep their place beside the median hand's muscles, and other muscles cut them off. They follow each
+    bone more closely, as its head may bulge farther between two points.
 
     Parameters
     ----------
@@ -55,25 +62,22 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
     Returns
     -------
     HandFile
-        Curves with other volumes in mm^3, and ligaments with other tissue values.
+        Curves with other volumes in mm^3, and ligaments with other points.
     """
+    longer = stretch(build)
 
     def muscle(name: str, curves: MuscleCurves) -> MuscleCurves:
-        volume = None if curves.volume is None else curves.volume * build.volume(name)
-        return curves.model_copy(update={"volume": volume})
+        if curves.volume is None:
+            return curves
+        bones = [point.bone for curve in curves.curves for point in curve.points]
+        length = float(np.mean([longer.get(bone or "", 1.0) for bone in bones]))
+        return curves.model_copy(update={"volume": curves.volume * build.volume(name) * length})
 
     def ligament(curves: MuscleCurves) -> MuscleCurves:
-        firm = [
-            line.model_copy(
-                update={
-                    "points": tuple(
-                        p.model_copy(update={"tissue": LIGAMENT_TISSUE * p.tissue}) for p in line.points
-                    )
-                }
-            )
-            for line in curves.curves
+        own = [
+            c.model_copy(update={"points": tuple(map(_firmer, _followed(c.points)))}) for c in curves.curves
         ]
-        return curves.model_copy(update={"curves": tuple(firm), "reach": LIGAMENT_REACH})
+        return curves.model_copy(update={"curves": tuple(own), "reach": LIGAMENT_REACH})
 
     return file.model_copy(
         update={
@@ -81,6 +85,26 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
             "ligaments": {name: ligament(curves) for name, curves in file.ligaments.items()},
         }
     )
+
+
+def _firmer(point: ControlPoint) -> ControlPoint:
+    return point.model_copy(update={"tissue": LIGAMENT_TISSUE * point.tissue})
+
+
+def _followed(points: Sequence[ControlPoint]) -> list[ControlPoint]:
+    """The points, and one more between any two on one bone, higher by `BULGE`."""
+    found = [points[0]]
+    for before, after in pairwise(points):
+        if before.bone is not None and before.bone == after.bone:
+            towards = sum(np.array(p.towards) / np.linalg.norm(np.array(p.towards)) for p in (before, after))
+            between = {
+                "along": (before.along + after.along) / 2,
+                "height": (before.height + after.height) / 2 + BULGE,
+                "towards": tuple(np.asarray(towards).tolist()),
+            }
+            found.append(before.model_copy(update=between))
+        found.append(after)
+    return found
 
 
 def at_its_size(hand: HandTemplate, build: HandBuild) -> HandTemplate:
