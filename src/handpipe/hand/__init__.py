@@ -6,7 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.hand import layer_loading
-    from handpipe.hand.appearance import colour, opacity, shown, tissue, vertex_colours
+    from handpipe.hand.appearance import colour, opacity, shown, surfaces_once, tissue, vertex_colours
     from handpipe.hand.carried import CarriedTemplate, with_carried_hints
     from handpipe.hand.checks import faults
     from handpipe.hand.continuity import POP, Continuity, Step, continuity_metrics
@@ -78,6 +78,7 @@ __all__ = [
     "simulate",
     "simulate_frame",
     "skin_of",
+    "surfaces_once",
     "surface_triangles",
     "tissue",
     "vertex_colours",

@@ -7,8 +7,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from handpipe.core import Array, Look, Shape, Shapes, looks
+from handpipe.tissues.tendons import CENTRELINE
 
 OTHER = Look((0.7, 0.7, 0.7))
+INSIDE_OF = ("_mesh", CENTRELINE)  # endings of bodies that a surface of the same layer shows
 NAIL = (0.95, 0.78, 0.72)  # sRGB of nails, which are marked by the field "nail" of a skin
 
 
@@ -54,6 +56,26 @@ def shown(layers: Mapping[str, Shapes]) -> Iterator[tuple[str, str, Shape]]:
         for body, shape in shapes.items():
             if not (skinned and tissue(layer, body) == "fat"):
                 yield layer, body, shape
+
+
+def surfaces_once(layers: Mapping[str, Shapes]) -> Iterator[tuple[str, str, Shape]]:
+    """As `shown`, each body once: not the tets or the centre line inside of a surface.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of a frame by layer and body.
+
+    Yields
+    ------
+    layer, body : str
+        Names of the layer and of the body.
+    shape : Shape
+        Shape of the body.
+    """
+    for layer, body, shape in shown(layers):
+        if not any(body.removesuffix(end) in layers[layer] for end in INSIDE_OF if body.endswith(end)):
+            yield layer, body, shape
 
 
 def colour(look: str) -> tuple[float, float, float]:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handpipe.core import Array, BoolArray, InputError, IntArray
-from handpipe.hand import SimulatedFrame
-from handpipe.hand.exports import surfaces_once
+from handpipe.hand import SimulatedFrame, surfaces_once
 
 Body = tuple[str, str]  # layer and body
 RIGID_LAYER = "bones"  # whose bodies follow their bone

@@ -36,7 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> None:
     """Read, fit, write, and print the quality."""
-    options.output.mkdir(parents=True, exist_ok=True)
     attachments = None if options.attachments is None else read_pairs(*options.attachments)
     landmarks = None if options.landmarks is None else read_pairs(*options.landmarks)
     marks = None if options.marks is None else read_markers(options.marks)[0]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from handpipe.core import Array, IntArray, Shape, evenly
 from handpipe.evaluation.pictures import body_surface, surface_colours
 from handpipe.evaluation.sides import view_directions
-from handpipe.hand import SimulatedFrame, colour, opacity, shown, tissue
+from handpipe.hand import SimulatedFrame, colour, opacity, surfaces_once, tissue
 from handpipe.mesh.surfaces import Distance
 from handpipe.skeleton.rig import HandDirections
 
@@ -23,7 +23,6 @@ TRIANGLES = 2500  # of one body in the view
 SKIN = 4  # times as many triangles of the skin
 BYTES = 24_000_000  # of the positions of a scene; of longer ones evenly chosen frames are shown
 DIGITS = 5  # of a direction
-INSIDE_OF = ("_mesh", "_centreline")  # endings of bodies that a surface of the same layer shows
 SHEETS = "fascia"  # layers so named cover others: the view begins without them
 
 
@@ -127,9 +126,8 @@ def _carried(frames: Sequence[SimulatedFrame], triangles: int) -> dict[tuple[str
     """The coarse surface of each body that all frames have."""
     series: dict[tuple[str, str], list[Shape]] = {}
     for _, layers in frames:
-        for layer, body, shape in shown(layers):
-            if not any(body.removesuffix(end) in layers[layer] for end in INSIDE_OF if body.endswith(end)):
-                series.setdefault((layer, body), []).append(shape)
+        for layer, body, shape in surfaces_once(layers):
+            series.setdefault((layer, body), []).append(shape)
     return {
         key: _decimated(tissue(*key), shapes, triangles * (SKIN if tissue(*key) == "skin" else 1))
         for key, shapes in series.items()

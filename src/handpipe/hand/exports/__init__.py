@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
     from handpipe.hand.exports.mjcf import residual_motion, write_mjcf
     from handpipe.hand.exports.osim import write_osim
-    from handpipe.hand.exports.rigged_glb import surfaces_once, write_rigged_glb
+    from handpipe.hand.exports.rigged_glb import write_rigged_glb
     from handpipe.hand.exports.usd_cache import write_usd
 else:
     __getattr__ = face(__name__)
@@ -30,7 +30,6 @@ __all__ = [
     "muscle_fibres",
     "residual_motion",
     "surface_triangles",
-    "surfaces_once",
     "tet_fields",
     "with_mechanics",
     "write_bones",

@@ -10,8 +10,8 @@ import numpy as np
 import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, Frame, IntArray, RigidTransform, Shape, Shapes, atomic
-from handpipe.hand.appearance import shown, tissue
+from handpipe.core import Array, Frame, IntArray, RigidTransform, Shape, atomic
+from handpipe.hand.appearance import surfaces_once, tissue
 from handpipe.hand.exports.export import (
     TO_GLTF,
     GlbWriter,
@@ -27,7 +27,6 @@ from handpipe.skeleton.rig import Rig
 
 log = logging.getLogger(__name__)
 AXES = 1e3 * TO_GLTF  # a rotation: z up to y up
-INSIDE_OF = ("_mesh", "_centreline")  # endings of bodies that a surface of the same layer shows
 
 
 def write_rigged_glb(
@@ -74,27 +73,6 @@ def write_rigged_glb(
         writer.writer.finish().save_binary(str(temporary))
     log.info("%d bodies on %d bones, skinned to %.2g mm", len(bodies), len(rig.bones), error)
     return error
-
-
-def surfaces_once(layers: Mapping[str, Shapes]) -> list[tuple[str, str, Shape]]:
-    """What is shown, each body once: not the tets or the centreline inside of a surface.
-
-    Parameters
-    ----------
-    layers : mapping of str to Shapes
-        Shapes of a frame by layer and body.
-
-    Returns
-    -------
-    list of (str, str, Shape)
-        Layer, body and shape.
-    """
-    found = []
-    for layer, body, shape in shown(layers):
-        outer = next((body.removesuffix(end) for end in INSIDE_OF if body.endswith(end)), None)
-        if outer not in layers[layer]:
-            found.append((layer, body, shape))
-    return found
 
 
 class _RiggedWriter:

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from handpipe.core import Array, InputError, IntArray, RigidTransform, Shape, atomic
-from handpipe.hand.appearance import colour, tissue
+from handpipe.hand.appearance import colour, surfaces_once, tissue
 from handpipe.hand.exports.export import surface_triangles
-from handpipe.hand.exports.rigged_glb import surfaces_once
 from handpipe.hand.simulation import SimulatedFrame
 
 ROOT = "/Hand"

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import Array, Frame, InputError, atomic
-from handpipe.hand import Failure, SimulatedFrame
-from handpipe.hand.exports import surfaces_once
+from handpipe.hand import Failure, SimulatedFrame, surfaces_once
 from handpipe.levels.training_set import RIGID_LAYER
 from handpipe.skeleton.drivers import LandmarkMap
 from handpipe.skeleton.rig import Rig

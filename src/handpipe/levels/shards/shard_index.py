@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from handpipe.core import Array, InputError, IntArray, Shapes, artifacts, atomic
-from handpipe.hand import UNITS
-from handpipe.hand.exports import surfaces_once
+from handpipe.hand import UNITS, surfaces_once
 from handpipe.levels.shards.shard import SPLITS
 from handpipe.levels.training_set import RIGID_LAYER
 from handpipe.skeleton.drivers import LANDMARKS, LandmarkMap
