@@ -23,6 +23,7 @@ from handpipe.synthetic.real_anatomy import myohand_bones, myohand_model, zanato
 CONFIG = Path(__file__).parents[2] / "config/datasets"
 MODULES = {"myohand-bones": myohand_bones, "zanatomy-bones": zanatomy_bones}
 POSES = phantom_hand_joints.POSES
+CROWDED = ("neutral", "fist", "spread", "oppose_little")  # at rest, and farthest at each joint
 FINGERS = (2, 3, 4, 5)
 
 
@@ -188,7 +189,7 @@ def test_bones_are_those_of_the_source_but_for_slivers(name, dataset, subject):
         assert igl.signed_distance(mine[0], *surface)[0].max() < 0.4, bone
 
 
-@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize("pose", CROWDED)
 def test_bones_do_not_overlap_and_joints_stay_close(hands, pose):
     hand = hands[pose]
     near = 1e9 * np.ones(len(hand.joints))

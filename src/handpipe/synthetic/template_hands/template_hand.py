@@ -17,9 +17,7 @@ from handpipe.synthetic.phantom.hand_skin import skin_surface
 from handpipe.synthetic.phantom.phantom_hand_bones import stretch
 from handpipe.synthetic.template_hands import hand_templates
 
-LIGAMENT_TISSUE = 1.5  # of the file's, in other hands than the median one
-BULGE = 0.2  # mm that a ligament's curve keeps off the bone between two points on it
-LIGAMENT_REACH = 4.0  # mm of the median hand about a ligament's ends within which it is attached
+BULGE = 0.2  # mm that a curve keeps farther off a bone between two points on it
 
 
 def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None) -> SubjectTemplate:
@@ -48,9 +46,8 @@ def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None
 def of_build(file: HandFile, build: HandBuild) -> HandFile:
     """The file of curves for another hand, as large as the median one.
 
-    Muscles have its volumes, as long as the bones that they are on. Ligaments are firmer: those of the file
-    just keep their place beside the median hand's muscles, and other muscles cut them off. They follow each
-    bone more closely, as its head may bulge farther between two points.
+    Muscles have its volumes, as long as the bones that they are on. Curves follow each bone more closely: it
+    may bulge farther between two points, and no tissue is kept inside of it.
 
     Parameters
     ----------
@@ -62,33 +59,23 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
     Returns
     -------
     HandFile
-        Curves with other volumes in mm^3, and ligaments with other points.
+        Curves with more points, and other volumes in mm^3.
     """
     longer = stretch(build)
 
-    def muscle(name: str, curves: MuscleCurves) -> MuscleCurves:
-        if curves.volume is None:
-            return curves
-        bones = [point.bone for curve in curves.curves for point in curve.points]
+    def own(name: str, organ: MuscleCurves) -> MuscleCurves:
+        curves = tuple(c.model_copy(update={"points": tuple(_followed(c.points))}) for c in organ.curves)
+        found = organ.model_copy(update={"curves": curves})
+        if organ.volume is None:
+            return found
+        bones = [point.bone for curve in organ.curves for point in curve.points]
         length = float(np.mean([longer.get(bone or "", 1.0) for bone in bones]))
-        return curves.model_copy(update={"volume": curves.volume * build.volume(name) * length})
+        return found.model_copy(update={"volume": organ.volume * build.volume(name) * length})
 
-    def ligament(curves: MuscleCurves) -> MuscleCurves:
-        own = [
-            c.model_copy(update={"points": tuple(map(_firmer, _followed(c.points)))}) for c in curves.curves
-        ]
-        return curves.model_copy(update={"curves": tuple(own), "reach": LIGAMENT_REACH})
-
+    kinds = {"muscles": file.muscles, "ligaments": file.ligaments}
     return file.model_copy(
-        update={
-            "muscles": {name: muscle(name, m) for name, m in file.muscles.items()},
-            "ligaments": {name: ligament(curves) for name, curves in file.ligaments.items()},
-        }
+        update={kind: {n: own(n, organ) for n, organ in organs.items()} for kind, organs in kinds.items()}
     )
-
-
-def _firmer(point: ControlPoint) -> ControlPoint:
-    return point.model_copy(update={"tissue": LIGAMENT_TISSUE * point.tissue})
 
 
 def _followed(points: Sequence[ControlPoint]) -> list[ControlPoint]:

@@ -152,7 +152,7 @@ class Player {
       if (!this.drag) { this.canvas.style.cursor = this.tipAt(e) ? "pointer" : ""; return; }
       const { ray } = this.space.rayAt(e), hit = ray.intersectPlane(this.drag.plane, new THREE.Vector3());
       if (!hit) return;
-      Object.assign(this.drag, { target: hit.toArray(), sight: ray.direction.toArray(), frames: FRAMES });
+      Object.assign(this.drag, { target: hit.toArray(), sight: ray.direction.toArray(), frames: FRAMES, left: Infinity });
       this.change();
     });
     for (const end of ["pointerup", "pointercancel"]) {
