@@ -17,7 +17,7 @@ from handpipe.synthetic.phantom.hand_skin import skin_surface
 from handpipe.synthetic.phantom.phantom_hand_bones import stretch
 from handpipe.synthetic.template_hands import hand_templates
 
-BULGE = 0.2  # mm that a curve keeps farther off a bone between two points on it
+BULGE = 0.2  # mm that a ligament keeps farther off a bone between two points on it
 
 
 def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None) -> SubjectTemplate:
@@ -46,8 +46,8 @@ def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None
 def of_build(file: HandFile, build: HandBuild) -> HandFile:
     """The file of curves for another hand, as large as the median one.
 
-    Muscles have its volumes, as long as the bones that they are on. Curves follow each bone more closely: it
-    may bulge farther between two points, and no tissue is kept inside of it.
+    Muscles have its volumes, as long as the bones that they are on. Ligaments follow each bone more closely:
+    its head may bulge farther between two points, and no tissue is kept inside of it.
 
     Parameters
     ----------
@@ -59,22 +59,26 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
     Returns
     -------
     HandFile
-        Curves with more points, and other volumes in mm^3.
+        Curves with other volumes in mm^3, and ligaments with more points.
     """
     longer = stretch(build)
 
-    def own(name: str, organ: MuscleCurves) -> MuscleCurves:
-        curves = tuple(c.model_copy(update={"points": tuple(_followed(c.points))}) for c in organ.curves)
-        found = organ.model_copy(update={"curves": curves})
+    def muscle(name: str, organ: MuscleCurves) -> MuscleCurves:
         if organ.volume is None:
-            return found
+            return organ
         bones = [point.bone for curve in organ.curves for point in curve.points]
         length = float(np.mean([longer.get(bone or "", 1.0) for bone in bones]))
-        return found.model_copy(update={"volume": organ.volume * build.volume(name) * length})
+        return organ.model_copy(update={"volume": organ.volume * build.volume(name) * length})
 
-    kinds = {"muscles": file.muscles, "ligaments": file.ligaments}
+    def ligament(organ: MuscleCurves) -> MuscleCurves:
+        curves = tuple(c.model_copy(update={"points": tuple(_followed(c.points))}) for c in organ.curves)
+        return organ.model_copy(update={"curves": curves})
+
     return file.model_copy(
-        update={kind: {n: own(n, organ) for n, organ in organs.items()} for kind, organs in kinds.items()}
+        update={
+            "muscles": {name: muscle(name, m) for name, m in file.muscles.items()},
+            "ligaments": {name: ligament(organ) for name, organ in file.ligaments.items()},
+        }
     )
 
 
