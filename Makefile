@@ -57,8 +57,8 @@ PYTEST := env OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
 test: setup
 	$(PYTEST)
 
-# All tests, as CI runs them, with the share of lines and branches of src that they reach: below the least share of
-# pyproject.toml it fails. Jobs that Snakemake starts are not counted.
+# All tests with the share of lines and branches of src that they reach: below the least share of pyproject.toml it
+# fails. Jobs that Snakemake starts are not counted. Counting makes tests half as slow again.
 coverage: setup
 	$(PYTEST) --cov --cov-report=term
 
