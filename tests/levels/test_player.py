@@ -152,13 +152,15 @@ def test_a_dragged_fingertip_follows_the_pointer_as_far_as_limits_allow(page, ac
     page.get_by_role("button", name="thumb").click()  # sees the plane in which the fingers bend
     settled(page)
     tip = f"{PLAYER}.tips[0]"
-    begin = np.array(page.evaluate(f"() => {PLAYER}.onPage({tip})"))
+    height = f"() => {PLAYER}.canvas.getBoundingClientRect().height"
+    begin, before = np.array(page.evaluate(f"() => {PLAYER}.onPage({tip})")), page.evaluate(height)
     page.mouse.move(*begin)
     page.mouse.down()
     page.mouse.move(*(begin + [across, down]), steps=6)
     page.wait_for_function(f"{PLAYER}.drag.frames < 2 || {PLAYER}.drag.left < 0.2")
     settled(page)
     reached = np.array(page.evaluate(f"() => {PLAYER}.onPage({tip})"))
+    assert page.evaluate(height) == before  # longer texts below do not move the hand under the pointer
     page.mouse.up()
     angles = angles_of(page)
     assert (angles >= LIMITS[0, 0]).all() and (angles <= LIMITS[0, 1]).all() and np.abs(angles).max() > 0.2
