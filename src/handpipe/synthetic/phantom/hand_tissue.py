@@ -62,9 +62,17 @@ class Layout:
     flesh: float = 1.0
 
     def fleshed(self, cones: Sequence[Cone]) -> list[Cone]:
-        """Cones of this hand's skin, for those that the median hand's flesh gives these bones."""
-        grow = self.flesh
-        return [replace(c, radius_start=grow * c.radius_start, radius_end=grow * c.radius_end) for c in cones]
+        """Cones of this hand's skin, for those that the median hand's flesh gives these bones.
+
+        The flesh was measured at the knuckles. Fingers beyond their first phalanges keep the median hand's: of
+        less, too little would be left beside the joints.
+        """
+
+        def grown(cone: Cone) -> Cone:
+            grow = 1.0 if cone.start[0].startswith(("middle", "distal")) else self.flesh
+            return replace(cone, radius_start=grow * cone.radius_start, radius_end=grow * cone.radius_end)
+
+        return [*map(grown, cones)]
 
     def stretched(self, cones: Sequence[Cone]) -> list[Cone]:
         """Cones between places of this hand's bones, for cones between places of the median hand's."""
