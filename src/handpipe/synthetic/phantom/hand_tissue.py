@@ -64,8 +64,8 @@ class Layout:
     def fleshed(self, cones: Sequence[Cone]) -> list[Cone]:
         """Cones of this hand's skin, for those that the median hand's flesh gives these bones.
 
-        The flesh was measured at the knuckles. Fingers beyond their first phalanges keep the median hand's: of
-        less, too little would be left beside the joints.
+        The flesh was measured at the knuckles. Fingers beyond their first phalanges keep the median hand's:
+        with less, too little is left beside the joints.
         """
 
         def grown(cone: Cone) -> Cone:
