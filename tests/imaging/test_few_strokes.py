@@ -7,7 +7,7 @@ from scipy import ndimage
 from slim_bone import SlimBone
 
 from handpipe.imaging.bone_surfaces.bridges import bridged
-from handpipe.imaging.segmentation.claims import appearances
+from handpipe.imaging.segmentation.claims import OPEN_FACES, appearances
 from handpipe.imaging.segmentation.minimax_flood import flood
 from handpipe.imaging.segmentation.open_boundary import open_patch
 from handpipe.imaging.segmentation.segmentation import BoneProbability, SegmentationSettings, segment_bone
@@ -53,6 +53,21 @@ def test_a_claim_that_ends_across_the_marrow_is_open_there() -> None:
     patch = open_patch(volume.values, marrow & (points[..., 0] < 0), volume.spacing)
     assert patch.area > 3.0
     assert abs(volume.to_world(patch.middle[None])[0, 0]) < 1.0
+
+
+def test_a_flat_face_aslant_to_the_grid_is_closed_by_a_shell_of_one_voxel() -> None:
+    """Marrow over a shell and muscle; layers of voxels that the face crosses are half of each."""
+    spacing, finer = 0.45, 9
+    x, y, z = np.indices((40, 40, 24 * finer)) * spacing
+    depth = z / finer - 5.4 - 0.06 * (x - 9.0) - 0.02 * (y - 9.0)  # mm above the marrow's face
+    fine = np.where(depth > 0.0, 1.0, np.where(depth > -0.46, 0.05, 0.55))
+    values = fine.reshape(40, 40, 24, finer).mean(axis=3)
+    values += 0.03 * np.random.default_rng(0).standard_normal(values.shape)
+    marrow = (values > 0.6) & (depth > 0.0).reshape(40, 40, 24, finer).any(axis=3)
+    patch = open_patch(values, marrow, np.full(3, spacing))
+    assert patch.area < OPEN_FACES * spacing**2
+    cut = open_patch(values, marrow & (np.indices(marrow.shape)[0] < 20), np.full(3, spacing))
+    assert cut.area > 100 * spacing**2
 
 
 def test_parts_of_one_marrow_are_joined() -> None:

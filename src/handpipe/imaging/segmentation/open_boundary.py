@@ -6,6 +6,7 @@ another tissue. Both have a patch of boundary without a dark layer outside.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -49,12 +50,12 @@ def open_patch(values: NDArray, claimed: BoolArray, spacing: NDArray) -> Patch:
     Patch
         Area in mm^2 and middle voxel; `NOWHERE` if the boundary is closed.
     """
+    ways = [(axis, step) for axis in range(3) for step in (1, -1)]
+    shelled = {way: _shelled(values, *way, float(spacing[way[0]])) for way in ways}
     area = np.zeros(claimed.shape)
-    for axis in range(3):
+    for axis, step in ways:
         others = [float(spacing[c]) for c in range(3) if c != axis]
-        for step in (1, -1):
-            found = _open_faces(values, claimed, axis, step, float(spacing[axis]))
-            area += found * (others[0] * others[1])
+        area += _open_faces(claimed, shelled, axis, step) * (others[0] * others[1])
     parts, count = ndimage.label(area > 0, structure=np.ones((3, 3, 3)))
     if count == 0:
         return NOWHERE
@@ -63,17 +64,33 @@ def open_patch(values: NDArray, claimed: BoolArray, spacing: NDArray) -> Patch:
     return Patch(float(sums[largest - 1]), np.argwhere(parts == largest).mean(axis=0))
 
 
-def _open_faces(values: NDArray, claimed: BoolArray, axis: int, step: int, spacing: float) -> BoolArray:
-    """Claimed voxels whose next voxel along an axis is not claimed, and no dark layer or valley follows."""
+def _shelled(values: NDArray, axis: int, step: int, spacing: float) -> BoolArray:
+    """Voxels that a dark layer or a valley follows along an axis."""
     near = int(np.floor(SHELL / spacing + 0.5)) + 1
     far = near + int(np.ceil(BEYOND / spacing))
     ahead = [_shifted(values, axis, step * k, np.nan) for k in range(1, far + 1)]
     lowest = np.fmin.reduce(ahead[:near])
     beyond = np.fmax.reduce(ahead[1:])
-    border = claimed & ~_shifted(claimed, axis, step, True)
     dark = ~(lowest >= DARK)
     valley = lowest < np.fmin(values, beyond) - VALLEY
-    return border & ~dark & ~valley
+    return dark | valley
+
+
+def _open_faces(
+    claimed: BoolArray, shelled: Mapping[tuple[int, int], BoolArray], axis: int, step: int
+) -> BoolArray:
+    """Claimed voxels whose next voxel along an axis is not claimed, and that nothing closes there.
+
+    A boundary aslant to the grid is a stair. Its risers look along a shell that is hardly thicker than a
+    voxel, and do not meet it: they are closed where the tread above the next voxel is.
+    """
+    border = claimed & ~_shifted(claimed, axis, step, True)
+    riser = np.zeros_like(border)
+    for across in (c for c in range(3) if c != axis):
+        for up in (1, -1):
+            tread = claimed & shelled[across, -up]
+            riser |= _shifted(_shifted(tread, axis, step, False), across, up, False)
+    return border & ~shelled[axis, step] & ~riser
 
 
 def _shifted(array: NDArray, axis: int, by: int, fill: float) -> NDArray:
