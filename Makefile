@@ -58,7 +58,7 @@ test: setup
 	$(PYTEST)
 
 # All tests with the share of lines and branches of src that they reach: below the least share of pyproject.toml it
-# fails. Jobs that Snakemake starts are not counted. Counting makes tests half as slow again.
+# fails. Jobs that Snakemake starts are not counted. With it tests take 1.5 times as long.
 coverage: setup
 	$(PYTEST) --cov --cov-report=term
 

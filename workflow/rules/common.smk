@@ -762,7 +762,7 @@ def layers_in_poses(*roles):
 
 
 def of_layer(layer, files):
-    """Input function: what another one gives, where the scenes have a layer and the subject what it is of."""
+    """Input function: what another one gives, where the scenes have a layer and the subject has bodies for it."""
 
     def wanted(subject):
         return layer in scene_layers() and getattr(dataset(subject), layer, True)

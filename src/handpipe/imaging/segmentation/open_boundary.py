@@ -82,7 +82,7 @@ def _open_faces(
     """Claimed voxels whose next voxel along an axis is not claimed, and that nothing closes there.
 
     A boundary aslant to the grid is a stair. Its risers look along a shell that is hardly thicker than a
-    voxel, and do not meet it: they are closed where the tread above the next voxel is.
+    voxel, and do not meet it: they are closed where the tread above the next voxel is closed.
     """
     border = claimed & ~_shifted(claimed, axis, step, True)
     riser = np.zeros_like(border)

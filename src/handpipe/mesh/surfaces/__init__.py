@@ -42,9 +42,9 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "SURFACE_SUFFIXES",
     "EDGE",
     "FACE",
+    "SURFACE_SUFFIXES",
     "Anchors",
     "Biharmonic",
     "BodyDistances",

@@ -280,7 +280,7 @@ def fit_points(
         targets = _targets(placed, rig, where)
         found = solve(rig, targets, start=angles, options=options)
         angles = found.angles
-        turned = max(abs(angles[name] - before[name]) for name in angles)
+        turned = max((abs(angles[name] - before[name]) for name in angles), default=0.0)
         if turned < SETTLED:
             break
     else:
