@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy.templates.curves import ControlPoint, MuscleCurves, load_curves
+    from handpipe.anatomy.templates.curves import Curve, MuscleCurves, load_curves, sunken
     from handpipe.anatomy.templates.diffusion import Factorise, superlu
     from handpipe.anatomy.templates.domain import Domain
     from handpipe.anatomy.templates.fibres import harmonic_fibres
@@ -24,7 +24,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "ControlPoint",
+    "Curve",
     "Domain",
     "Factorise",
     "HandFile",
@@ -40,6 +40,7 @@ __all__ = [
     "load_curves",
     "load_hand",
     "nail_triangles",
+    "sunken",
     "superlu",
     "template_of",
 ]

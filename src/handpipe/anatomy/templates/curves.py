@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -17,7 +18,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from handpipe.core import Array, InputError, IntArray
 from handpipe.core.configuration import Model, Name, Vector, load_yaml
-from handpipe.mesh.surfaces import Surface, arclength, bishop_frames, resample, tangents
+from handpipe.mesh.surfaces import Distance, Surface, arclength, bishop_frames, resample, tangents
 
 Positive = Annotated[float, Field(gt=0)]
 PARALLEL = 1e-3  # sine of the angle between a normal and its curve, below which there is no angle
@@ -270,6 +271,42 @@ def locate(
     """
     finder = _Places(bones, np.array(distal), source, field)
     return np.array([finder.find(p, f"points.{i}") for i, p in enumerate(places)])
+
+
+def sunken(
+    points: Sequence[ControlPoint],
+    bones: Mapping[str, Surface],
+    distal: Vector,
+    source: str | Path,
+    field: str,
+) -> Array:
+    """How deep a curve runs inside a bone between two points on its surface.
+
+    Parameters
+    ----------
+    points : sequence of ControlPoint
+        A curve's points.
+    bones : mapping of str to Surface
+        Closed surfaces in mm by bone.
+    distal : sequence of float
+        Rough direction (3,) of the bones' distal ends.
+    source : path
+        The file of the curve, for messages.
+    field : str
+        The field of the curve, for messages.
+
+    Returns
+    -------
+    array (n - 1,)
+        Largest depth in mm after each of n points, zero where this point and the next are not on one bone.
+    """
+    knots, spline = catmull_rom(locate(points, bones, distal, source, field))
+    depths = np.zeros(len(points) - 1)
+    for i, (before, after) in enumerate(pairwise(points)):
+        if before.bone is not None and before.bone == after.bone:
+            between = spline(np.linspace(knots[i], knots[i + 1], MEASURED))
+            depths[i] = -min(Distance(bones[before.bone]).signed(between)[0].min(), 0.0)
+    return depths
 
 
 def long_axis(surface: Surface, distal: Array) -> tuple[Array, Array, Array]:

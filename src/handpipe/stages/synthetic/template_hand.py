@@ -40,13 +40,13 @@ def template_hand(inputs: Inputs, outputs: Outputs, dataset: Dataset, edges: Map
     A hand of a measured person is made as large as the median one, where the file's lengths and the edges
     hold, and then gets its size.
     """
-    file, build = load_hand(inputs.curves), None
-    if dataset.proportions is not None:
-        build = build_of(dataset.proportions)
-        file = of_build(file, build)
+    file = load_hand(inputs.curves)
+    build = None if dataset.proportions is None else build_of(dataset.proportions)
     figures: metrics.Metrics = {}
     with metrics.measured(figures):
         bare = bare_hand(edges["bone"], edges["skin"], build)
+        if build is not None:
+            file = of_build(file, build, bare.bones, source=inputs.curves)
         hand = build_hand(file, bare, edges["fat"], factorise=factorise, source=inputs.curves)
         hand = hand if build is None else at_its_size(hand, build)
     hand.tissue.save(outputs.tissue, [inputs.curves])

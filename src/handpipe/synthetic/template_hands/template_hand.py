@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from handpipe.anatomy.person import SubjectTemplate, scaled
-from handpipe.anatomy.templates import ControlPoint, HandFile, HandTemplate, MuscleCurves
+from handpipe.anatomy.templates import Curve, HandFile, HandTemplate, MuscleCurves, sunken
+from handpipe.core import BoolArray
 from handpipe.mesh.generation import remesh
+from handpipe.mesh.surfaces import Surface
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.hand_skin import skin_surface
 from handpipe.synthetic.phantom.phantom_hand_bones import stretch
 from handpipe.synthetic.template_hands import hand_templates
 
-BULGE = 0.2  # mm that a ligament keeps farther off a bone between two points on it
+BULGE = 0.2  # mm that a curve keeps farther off a bone between two points on it
+SUNKEN = 0.3  # mm inside a bone at which a muscle's curve needs a further point: no tissue is kept there
 
 
 def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None) -> SubjectTemplate:
@@ -43,11 +46,14 @@ def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None
     return replace(known, bones=bones, skin=skin)
 
 
-def of_build(file: HandFile, build: HandBuild) -> HandFile:
+def of_build(
+    file: HandFile, build: HandBuild, bones: Mapping[str, Surface], *, source: str | Path = "hand"
+) -> HandFile:
     """The file of curves for another hand, as large as the median one.
 
-    Muscles have its volumes, as long as the bones that they are on. Ligaments follow each bone more closely:
-    its head may bulge farther between two points, and no tissue is kept inside of it.
+    Muscles have its volumes, as long as the bones that they are on. A head may bulge farther between two
+    points on a bone, and no tissue is kept inside of it: ligaments follow each bone more closely, and muscles
+    where they would run inside of it.
 
     Parameters
     ----------
@@ -55,23 +61,32 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
         Curves of the median hand.
     build : HandBuild
         The other hand.
+    bones : mapping of str to Surface
+        Its bones in mm, as large as the median hand's.
+    source : path
+        The file, for messages.
 
     Returns
     -------
     HandFile
-        Curves with other volumes in mm^3, and ligaments with more points.
+        Curves with other volumes in mm^3 and more points.
     """
     longer = stretch(build)
 
+    def volume(name: str, organ: MuscleCurves) -> float | None:
+        on = [point.bone for curve in organ.curves for point in curve.points]
+        length = float(np.mean([longer.get(bone or "", 1.0) for bone in on]))
+        return None if organ.volume is None else organ.volume * build.volume(name) * length
+
     def muscle(name: str, organ: MuscleCurves) -> MuscleCurves:
-        if organ.volume is None:
-            return organ
-        bones = [point.bone for curve in organ.curves for point in curve.points]
-        length = float(np.mean([longer.get(bone or "", 1.0) for bone in bones]))
-        return organ.model_copy(update={"volume": organ.volume * build.volume(name) * length})
+        curves = [
+            _followed(c, sunken(c.points, bones, file.distal, source, f"muscles.{name}.curves.{i}") > SUNKEN)
+            for i, c in enumerate(organ.curves)
+        ]
+        return organ.model_copy(update={"curves": tuple(curves), "volume": volume(name, organ)})
 
     def ligament(organ: MuscleCurves) -> MuscleCurves:
-        curves = tuple(c.model_copy(update={"points": tuple(_followed(c.points))}) for c in organ.curves)
+        curves = tuple(_followed(c, np.full(len(c.points) - 1, True)) for c in organ.curves)
         return organ.model_copy(update={"curves": curves})
 
     return file.model_copy(
@@ -82,11 +97,14 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
     )
 
 
-def _followed(points: Sequence[ControlPoint]) -> list[ControlPoint]:
-    """The points, and one more between any two on one bone, higher by `BULGE`."""
-    found = [points[0]]
-    for before, after in pairwise(points):
-        if before.bone is not None and before.bone == after.bone:
+def _followed(curve: Curve, closer: BoolArray) -> Curve:
+    """The curve with one more point, higher by `BULGE`, after each point where it is to be `closer`.
+
+    This needs the point and the next to be on one bone.
+    """
+    found = [curve.points[0]]
+    for before, after, more in zip(curve.points[:-1], curve.points[1:], closer, strict=True):
+        if more and before.bone is not None and before.bone == after.bone:
             towards = sum(np.array(p.towards) / np.linalg.norm(np.array(p.towards)) for p in (before, after))
             between = {
                 "along": (before.along + after.along) / 2,
@@ -95,7 +113,7 @@ def _followed(points: Sequence[ControlPoint]) -> list[ControlPoint]:
             }
             found.append(before.model_copy(update=between))
         found.append(after)
-    return found
+    return curve.model_copy(update={"points": tuple(found)})
 
 
 def at_its_size(hand: HandTemplate, build: HandBuild) -> HandTemplate:
