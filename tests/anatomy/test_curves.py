@@ -7,7 +7,14 @@ import pytest
 import yaml
 from tests.anatomy.arm import THREE_MUSCLES, capsule
 
-from handpipe.anatomy.templates.curves import CurveFile, catmull_rom, load_curves, long_axis, place
+from handpipe.anatomy.templates.curves import (
+    CurveFile,
+    catmull_rom,
+    load_curves,
+    long_axis,
+    place,
+    sunken,
+)
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.curves import arclength
 from handpipe.mesh.surfaces.distance import Distance
@@ -60,6 +67,22 @@ def test_spline_meets_its_points_and_does_not_overshoot() -> None:
     np.testing.assert_allclose(spline(knots), points, atol=1e-12)
     fine = spline(np.linspace(0, knots[-1], 500))
     assert fine[:, 0].max() < 10.6 and fine[:, 1].min() > -0.5
+
+
+def test_a_curve_between_two_points_on_a_bone_runs_as_deep_as_the_chord() -> None:
+    """The bone is round there, with a radius of 5 mm: a chord of 90 degrees runs 5 (1 - cos 45) mm deep."""
+    bone = capsule(-10.0, 10.0, 5.0, 1.0)
+    (curve,) = one_curve(on_bone(0.5, [0, 1, 0]), on_bone(0.5, [0, 0, 1])).muscles["m"].curves
+    depth = sunken(curve.points, {"radius": bone}, (1, 0, 0), "file", "curve")
+    np.testing.assert_allclose(depth, 5 * (1 - np.cos(np.pi / 4)), atol=0.05)
+
+
+def test_a_curve_off_its_bone_or_from_bone_to_bone_is_not_sunken(bone: Surface) -> None:
+    other = {"bone": "ulna", "along": 0.5, "towards": [0, 1, 0]}
+    points = [on_bone(0.4, [0, 1, 0], height=3.0), on_bone(0.6, [0, 1, 0], height=3.0), other]
+    (curve,) = one_curve(*points).muscles["m"].curves
+    bones = {"radius": bone, "ulna": bone.moved(bone.vertices - [0, 20, 0])}
+    np.testing.assert_array_equal(sunken(curve.points, bones, (1, 0, 0), "file", "curve"), [0, 0])
 
 
 def test_tissue_and_spread_are_interpolated_without_overshoot(bone: Surface) -> None:

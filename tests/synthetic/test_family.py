@@ -10,7 +10,8 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from handpipe.anatomy.person import SubjectTemplate, lengths_of
+from handpipe.anatomy.person import SubjectTemplate, lengths_of, scaled
+from handpipe.anatomy.templates import HandFile, load_hand, sunken
 from handpipe.core import Array
 from handpipe.core.configuration.config import load_dataset
 from handpipe.core.errors import InputError
@@ -24,8 +25,10 @@ from handpipe.synthetic.phantom.phantom_hand_joints import joints
 from handpipe.synthetic.template_hands.coupled_hand import bones_at, mirrored
 from handpipe.synthetic.template_hands.hand_templates import phantom
 from handpipe.synthetic.template_hands.known_hands import known_hand
+from handpipe.synthetic.template_hands.template_hand import of_build
 
-DATASETS = Path(__file__).parents[2] / "config" / "datasets"
+CONFIG = Path(__file__).parents[2] / "config"
+DATASETS, CURVES = CONFIG / "datasets", CONFIG / "anatomy" / "hand.yaml"
 HANDS = {"hand-" + name: name for name in PEOPLE}
 # Of the median hand's bones, marrow, joints and posed tissues, before hands had proportions.
 DIGEST = "209fb4b7e1e9da86b5df034038a3cb1ddc10e4c435099c157092338c4934386d"
@@ -160,6 +163,22 @@ def test_the_median_hand_is_what_it_was() -> None:
     for rows in vars(known.posed(phantom_hand.posture("relaxed", 1)).tissues).values():
         add(rows)
     assert digest.hexdigest() == DIGEST
+
+
+def test_no_muscle_runs_inside_a_bone_between_two_points_on_it(hand: tuple[str, SubjectTemplate]) -> None:
+    """No tissue is kept inside of a bone: the muscle would end before its insertion."""
+    name, known = hand
+    build = build_of(HANDS[name])
+    bones = scaled(known, 1.0 / build.size).bones
+
+    def deepest(file: HandFile) -> float:
+        curves = [curve for organ in file.muscles.values() for curve in organ.curves]
+        return float(max(sunken(c.points, bones, file.distal, name, "curve").max() for c in curves))
+
+    file = load_hand(CURVES)
+    assert deepest(of_build(file, build, bones)) < 0.3
+    if name == "hand-long-fingers":  # its first metacarpal is 0.82 as long as the median at the median size
+        assert deepest(file) > 0.45
 
 
 def test_unknown_proportions_are_refused() -> None:
