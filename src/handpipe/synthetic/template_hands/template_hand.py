@@ -20,7 +20,6 @@ from handpipe.synthetic.phantom.phantom_hand_bones import stretch
 from handpipe.synthetic.template_hands import hand_templates
 
 BULGE = 0.2  # mm that a curve keeps farther off a bone between two points on it
-THICKER = 1.5  # volume goes with this power of tissue values, roughly
 SUNKEN = 0.3  # mm inside a bone at which a muscle's curve needs a further point: no tissue is kept there
 
 
@@ -52,10 +51,10 @@ def of_build(
 ) -> HandFile:
     """The file of curves for another hand, as large as the median one.
 
-    Muscles have its volumes, as long as the bones that they are on. Their ends stay as thick as the median
-    hand's: thinner ones are lost between tets, and the muscle would not reach its bone. A head may bulge
-    farther between two points on a bone, and no tissue is kept inside of it: ligaments follow each bone more
-    closely, and muscles where they would run inside of it.
+    Muscles have its volumes, as long as the bones that they are on, and tets as much smaller as they are
+    thinner: a thin end falls apart in larger ones. A head may bulge farther between two points on a bone, and
+    no tissue is kept inside of it: ligaments follow each bone more closely, and muscles where they would run
+    inside of it.
 
     Parameters
     ----------
@@ -85,8 +84,11 @@ def of_build(
             _followed(c, sunken(c.points, bones, file.distal, source, f"muscles.{name}.curves.{i}") > SUNKEN)
             for i, c in enumerate(organ.curves)
         ]
-        curves = [_with_ends(c, build.volume(name) ** -(1.0 / THICKER)) for c in curves]
-        return organ.model_copy(update={"curves": tuple(curves), "volume": volume(name, organ)})
+        thinner = np.sqrt(build.volume(name))
+        edge = None if organ.edge_length is None else organ.edge_length * float(thinner)
+        return organ.model_copy(
+            update={"curves": tuple(curves), "volume": volume(name, organ), "edge_length": edge}
+        )
 
     def ligament(organ: MuscleCurves) -> MuscleCurves:
         curves = tuple(_followed(c, np.full(len(c.points) - 1, True)) for c in organ.curves)
@@ -98,13 +100,6 @@ def of_build(
             "ligaments": {name: ligament(organ) for name, organ in file.ligaments.items()},
         }
     )
-
-
-def _with_ends(curve: Curve, more: float) -> Curve:
-    """The curve with tissue values at both ends that are `more` times as large."""
-    first, *between, last = curve.points
-    ends = [p.model_copy(update={"tissue": more * p.tissue}) for p in (first, last)]
-    return curve.model_copy(update={"points": (ends[0], *between, ends[1])})
 
 
 def _followed(curve: Curve, closer: BoolArray) -> Curve:
