@@ -215,6 +215,14 @@ def test_run_ends_with_one_message(
     assert_one_message(small, target, *named)
 
 
+def test_mistakes_in_files_of_other_subjects_and_scenes_stop_nothing(small: Path) -> None:
+    others = {"syntax": "poses: [", "list": "- a", "fields": "name: fields\nposes: 3\n"}
+    for name, content in others.items():
+        for folder in ("datasets", "scenes"):
+            (small / "config" / folder / f"{name}.yaml").write_text(content)
+    assert run(small, "-n", SEGMENT, *SMALL).returncode == 0
+
+
 def test_truncated_artifact(built_small: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     path = folder / SEGMENT

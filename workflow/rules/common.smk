@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 import handpipe
-import yaml
 from snakemake.caching.rule import CacheFlag
 from snakemake.exceptions import WorkflowError
 
@@ -102,11 +101,16 @@ def dataset(subject):
 @functools.cache
 def whole_dataset(subject):
     """All that a subject has, for generators and for the check of its files."""
-    data = checked(load_dataset, dataset_file(subject))
+    data = checked(read_dataset, Path(dataset_file(subject)))
     checked(generators.require_known, dataset_file(subject), data)
     if not data.generator:
         checked(require_files, dataset_file(subject), data)
     return data
+
+
+@functools.cache
+def read_dataset(file):
+    return load_dataset(file)
 
 
 def dataset_file(subject):
@@ -270,42 +274,43 @@ def buildable_subjects():
 
 
 @functools.cache
-def unchecked_datasets():
-    """Every dataset file by subject, as it is: a mistake in another subject's file is that subject's matter."""
-    found = {
-        file.stem: yaml.safe_load(file.read_text(encoding="utf-8")) or {}
-        for file in sorted(Path("config/datasets").glob("*.yaml"))
-    }
-    return {s: {**found.get(c.get("like"), {}), **c} for s, c in found.items()}
+def right_datasets():
+    """Datasets by subject, of all files that are right: a mistake in one is the matter of its own subject."""
+    found = {}
+    for file in sorted(Path("config/datasets").glob("*.yaml")):
+        try:
+            found[file.stem] = read_dataset(file)
+        except HandpipeError:  # said where the subject is needed
+            continue
+    return found
 
 
 def subjects_made_by(wanted):
     """A pattern for the generated subjects that are wanted; "-", which is no subject, where there are none.
 
-    wanted: of the generator's record and the content of the dataset file.
+    wanted: of the generator's record and the dataset.
     """
     found = []
-    for subject, content in unchecked_datasets().items():
-        name = content.get("generator")
-        known = generators.GENERATORS if isinstance(name, str) else {}
-        if name in known and wanted(known[name], content):
+    for subject, data in right_datasets().items():
+        record = generators.GENERATORS.get(data.generator)
+        if record is not None and wanted(record, data):
             found.append(subject)
     return "|".join(found) or "-"
 
 
-def has_scans(content):
-    """Whether a dataset file names a skin scan."""
-    return any("scan" in pose for pose in content.get("poses", {}).values())
+def has_scans(data):
+    """Whether a dataset names a skin scan."""
+    return any(pose.scan is not None for pose in data.poses.values())
 
 
 # Images and truth of bones alone, by a module; truth of a simulation of one body, of bodies that slide; real images
 # of a limb.
 BONES_ALONE = subjects_made_by(
-    lambda record, content: record.module is not None and not has_scans(content)
+    lambda record, data: record.module is not None and not has_scans(data)
 )
-COUPLED = subjects_made_by(lambda record, content: record.truth == "coupled")
-SLIDING = subjects_made_by(lambda record, content: record.truth == "sliding")
-LIMBS = subjects_made_by(lambda record, content: record.truth is None)
+COUPLED = subjects_made_by(lambda record, data: record.truth == "coupled")
+SLIDING = subjects_made_by(lambda record, data: record.truth == "sliding")
+LIMBS = subjects_made_by(lambda record, data: record.truth is None)
 
 
 def with_template(kind):
@@ -314,8 +319,8 @@ def with_template(kind):
     It is a right hand's; a left hand that is posed by a coupled simulation is its mirror image.
     """
     return subjects_made_by(
-        lambda record, content: record.template == kind
-        and (content.get("hand", "right") == "right" or record.truth == "coupled")
+        lambda record, data: record.template == kind
+        and (data.hand == "right" or record.truth == "coupled")
     )
 
 

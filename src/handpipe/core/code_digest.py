@@ -63,7 +63,8 @@ class CodeDigests:
         """Digest of files and of every file that they import, directly or through others."""
         found = self.modules(paths)
         lines = [f"{self._name(path)} {self._module(path).digest}" for path in found]
-        lines += [f"{self._name(path)} {_hash(path.read_bytes())}" for path in _data_beside(found)]
+        for folder in {path.parent for path in found if (path.parent / "__init__.py").is_file()}:
+            lines += self._data_in(folder)
         return _hash("\n".join(sorted(lines)).encode())
 
     def modules(self, paths: Iterable[Path]) -> set[Path]:
@@ -170,6 +171,20 @@ class CodeDigests:
     def _files(self) -> dict[Path, Module]:
         return {}
 
+    def _data_in(self, folder: Path) -> list[str]:
+        """Names and digests of the files in a package's folder that are no code, for instance templates."""
+        if folder not in self._data:
+            self._data[folder] = [
+                f"{self._name(path)} {_hash(path.read_bytes())}"
+                for path in folder.iterdir()
+                if path.is_file() and path.suffix not in (".py", ".pyc")
+            ]
+        return self._data[folder]
+
+    @cached_property
+    def _data(self) -> dict[Path, list[str]]:
+        return {}
+
     def _name(self, path: Path) -> str:
         """A file's name, the same wherever the folders lie."""
         for folder in self.packages:
@@ -229,11 +244,3 @@ def _names(tree: ast.AST) -> Iterator[str]:
 
 def _is_dotted_name(value: object) -> bool:
     return isinstance(value, str) and "." in value and value.replace(".", "_").isidentifier()
-
-
-def _data_beside(modules: Iterable[Path]) -> list[Path]:
-    """Files other than code in the folders of packages, for instance templates."""
-    folders = {path.parent for path in modules if (path.parent / "__init__.py").is_file()}
-    return [
-        p for f in folders for p in sorted(f.iterdir()) if p.is_file() and p.suffix not in (".py", ".pyc")
-    ]

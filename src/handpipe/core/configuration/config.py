@@ -639,7 +639,7 @@ def load_yaml(path: str | Path, model: type[T]) -> T:
     return checked(path, _content(path), model)
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # C: 4 times as fast
     """YAML whose mappings have each key once: of two equal keys, the first would be lost silently."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
