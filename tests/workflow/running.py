@@ -1,9 +1,13 @@
 """A copy of the workflow to run, so that a test neither sees nor changes the checkout's own results."""
 
+import atexit
+import functools
+import json
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -38,17 +42,44 @@ def run(
 ) -> subprocess.CompletedProcess[str]:
     """Snakemake in a folder; what it says is in `stdout`, errors included.
 
-    environment: variables beside those of `ENVIRONMENT`.
+    environment: variables beside those of `ENVIRONMENT`; with them, its libraries are imported anew.
     """
+    if environment is None:
+        return _warm_run(folder, [TOY, *arguments])
     return subprocess.run(
         command(arguments),
         cwd=folder,
-        env={**ENVIRONMENT, **(environment or {})},
+        env={**ENVIRONMENT, **environment},
         encoding="utf-8",
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         check=False,
     )
+
+
+def _warm_run(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    server = _server()
+    assert server.stdin is not None and server.stdout is not None
+    with tempfile.NamedTemporaryFile("r", encoding="utf-8") as said:
+        call = {"folder": str(folder), "arguments": arguments, "said": said.name}
+        server.stdin.write(json.dumps(call) + "\n")
+        server.stdin.flush()
+        status = int(server.stdout.readline())
+        return subprocess.CompletedProcess(arguments, status, said.read())
+
+
+@functools.cache
+def _server() -> subprocess.Popen[str]:
+    """The process of `warm_snakemake`, which ends with this one."""
+    server = subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name("warm_snakemake.py"))],
+        env=ENVIRONMENT,
+        encoding="utf-8",
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    atexit.register(server.communicate)
+    return server
 
 
 def planned(folder: Path, *arguments: str) -> dict[str, int]:

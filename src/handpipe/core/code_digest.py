@@ -62,8 +62,8 @@ class CodeDigests:
     def digest(self, *paths: Path) -> str:
         """Digest of files and of every file that they import, directly or through others."""
         found = self.modules(paths)
-        lines = [f"{self._name(path)} {self._module(path).digest}" for path in found]
-        for folder in {path.parent for path in found if (path.parent / "__init__.py").is_file()}:
+        lines = [self._line(path) for path in found]
+        for folder in {path.parent for path in found}:
             lines += self._data_in(folder)
         return _hash("\n".join(sorted(lines)).encode())
 
@@ -171,12 +171,22 @@ class CodeDigests:
     def _files(self) -> dict[Path, Module]:
         return {}
 
+    def _line(self, path: Path) -> str:
+        """Name and digest of a file of code."""
+        if path not in self._lines:
+            self._lines[path] = f"{self._name(path)} {self._module(path).digest}"
+        return self._lines[path]
+
+    @cached_property
+    def _lines(self) -> dict[Path, str]:
+        return {}
+
     def _data_in(self, folder: Path) -> list[str]:
         """Names and digests of the files in a package's folder that are no code, for instance templates."""
         if folder not in self._data:
             self._data[folder] = [
                 f"{self._name(path)} {_hash(path.read_bytes())}"
-                for path in folder.iterdir()
+                for path in (folder.iterdir() if (folder / "__init__.py").is_file() else ())
                 if path.is_file() and path.suffix not in (".py", ".pyc")
             ]
         return self._data[folder]
