@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from handpipe.anatomy.person.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.synthetic.template_hands import hand_templates

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from handpipe.core.configuration.config import Scene, load_dataset, load_scene
+from handpipe.core.configuration.dataset import load_dataset
+from handpipe.core.configuration.scene import Scene, load_scene
 from handpipe.core.configuration.settings import EDGES, Edges, require_fidelity, settings_of
 from handpipe.core.errors import InputError
 from handpipe.core.layer_registry import LAYERS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.trust.stale import workbench
 
-from handpipe.core.configuration.config import Scene
+from handpipe.core.configuration.scene import Scene
 from handpipe.core.layer_registry import (
     LAYERS,
     LayerRecord,

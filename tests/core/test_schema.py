@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from handpipe.core.configuration import schema
-from handpipe.core.configuration.config import Dataset
+from handpipe.core.configuration.dataset import Dataset
 
 ROOT = Path(__file__).parents[2]
 SCHEMAS = ROOT / "workflow/schemas"

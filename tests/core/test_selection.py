@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from handpipe.core.configuration.config import Dataset, Role, UndeclaredFieldError, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
+from handpipe.core.configuration.model import UndeclaredFieldError
+from handpipe.core.configuration.pose import Role
 from handpipe.core.configuration.selection import restored, select
 
 FINGER = Path(__file__).parents[2] / "config" / "datasets" / "phantom-finger.yaml"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from handpipe.core import artifacts, metrics
-from handpipe.core.configuration.config import load_yaml
+from handpipe.core.configuration.loading import load_yaml
 from handpipe.core.errors import InputError
 from handpipe.develop.judge import ROWS, HandKinds, figures_by_hand, main, require_freeze
 

@@ -11,7 +11,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from handpipe.core.configuration.config import Bone, Dataset, Joint, Pose
+from handpipe.core.configuration.anatomy import Bone, Joint
+from handpipe.core.configuration.dataset import Dataset
+from handpipe.core.configuration.pose import Pose
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
 from handpipe.evaluation import pictures

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.core.errors import InputError
 from handpipe.hand.subject import joint_limits
 from handpipe.skeleton.drivers.scene_frames import frame_names

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from tests.mesh.shapes import box, box_tets
 
 from handpipe.core import metrics
-from handpipe.core.configuration.config import Dataset, Scene
+from handpipe.core.configuration.dataset import Dataset
+from handpipe.core.configuration.scene import Scene
 from handpipe.core.errors import InputError
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform

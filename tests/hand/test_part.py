@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from handpipe.core.configuration.config import Dataset, Scene, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
+from handpipe.core.configuration.scene import Scene
 from handpipe.core.errors import InputError
 from handpipe.hand.part import bones_of, part_of
 

@@ -8,7 +8,8 @@ import pytest
 from scipy import ndimage
 
 from handpipe.core import HandpipeError, InputError, metrics
-from handpipe.core.configuration.config import Dataset, Dixon
+from handpipe.core.configuration.dataset import Dataset
+from handpipe.core.configuration.pose import Dixon
 from handpipe.hand.checks import Check, checks
 from handpipe.hand.subject import named_files
 from handpipe.imaging.fat_water.echo_images import EchoImages, radians

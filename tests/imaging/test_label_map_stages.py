@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from handpipe.core.configuration.config import Dataset, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
 from handpipe.core.errors import InputError
 from handpipe.hand import labelled_muscles, require_seeds
 from handpipe.imaging.volumes import rasterise, read_labels, read_volume, write_segments

@@ -12,7 +12,8 @@ from manufactured import off_by
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import Dataset, Scanner, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
+from handpipe.core.configuration.images import Scanner
 from handpipe.core.rigid import RigidTransform
 from handpipe.imaging.evidence.marrow_evidence import MarrowEvidence
 from handpipe.imaging.volumes.rasterisation import rasterise

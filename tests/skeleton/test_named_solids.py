@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.segmentation import propose_solids
 from handpipe.imaging.volumes import Volume, pose_volume, read_labels

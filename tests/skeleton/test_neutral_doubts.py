@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from handpipe.core.configuration.config import Joint
+from handpipe.core.configuration.anatomy import Joint
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.registration.neutral_bones import LENGTHS, neutral_doubts
 

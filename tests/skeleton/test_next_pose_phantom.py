@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from manufactured import noisy
 
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.joints.joints import fit_joint
 from handpipe.skeleton.rig.motions import joint_motions

@@ -7,7 +7,7 @@ from manufactured import bone, motion, noisy, off_by, turn, unit
 from scipy.optimize import least_squares
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.core.errors import InputError
 from handpipe.core.rigid import RigidTransform
 from handpipe.evaluation.table import rig_table

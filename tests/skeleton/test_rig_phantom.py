@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from manufactured import noisy
 
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.core.rigid import RigidTransform
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.bones.registration_result import Registration

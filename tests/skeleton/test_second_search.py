@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import Scanner, load_dataset
+from handpipe.core.configuration.dataset import load_dataset
+from handpipe.core.configuration.images import Scanner
 from handpipe.core.rigid import RigidTransform
 from handpipe.imaging.evidence.marrow_evidence import MarrowEvidence
 from handpipe.imaging.volumes.volume import Volume, read_volume

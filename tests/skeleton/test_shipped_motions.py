@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handpipe.core.configuration import load_scene
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.hand import joint_limits
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.bones.registration_result import Registration

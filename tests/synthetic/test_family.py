@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from handpipe.anatomy.person import SubjectTemplate, lengths_of, scaled
 from handpipe.anatomy.templates import HandFile, load_hand, sunken
 from handpipe.core import Array
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.synthetic.acquisition.posed import PosedAnatomy

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from scipy.spatial import cKDTree
 
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.synthetic.template_hands.known_hands import known_hand
 
 CONFIG = Path(__file__).parents[2] / "config/datasets/phantom-hand-complete.yaml"

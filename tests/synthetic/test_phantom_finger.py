@@ -12,7 +12,7 @@ import trimesh
 from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import Dataset, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
 from handpipe.core.errors import InputError
 from handpipe.synthetic import generators
 from handpipe.synthetic.acquisition import image, posed

@@ -11,7 +11,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import Bone, Dataset, Pose, Role, Scanner, load_dataset, load_scene
+from handpipe.core.configuration.anatomy import Bone
+from handpipe.core.configuration.dataset import Dataset, load_dataset
+from handpipe.core.configuration.images import Scanner
+from handpipe.core.configuration.pose import Pose, Role
+from handpipe.core.configuration.scene import load_scene
 from handpipe.core.errors import InputError
 from handpipe.hand.subject import joint_limits
 from handpipe.skeleton.joints.angles import read_angles

@@ -11,7 +11,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import Bone, Dataset, Scanner, load_dataset
+from handpipe.core.configuration.anatomy import Bone
+from handpipe.core.configuration.dataset import Dataset, load_dataset
+from handpipe.core.configuration.images import Scanner
 from handpipe.core.errors import InputError
 from handpipe.core.rigid import RigidTransform
 from handpipe.synthetic import generators

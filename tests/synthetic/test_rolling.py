@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from handpipe.core import ConvergenceError
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.synthetic import generators
 from handpipe.synthetic.phantom.phantom_hand_joints import POSES
 from handpipe.synthetic.rolling import rolling_hand

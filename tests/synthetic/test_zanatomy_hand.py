@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from handpipe.anatomy.templates import solids
-from handpipe.core.configuration.config import Dataset, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.stages.synthetic import zanatomy_hand as stage

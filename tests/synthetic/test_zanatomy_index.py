@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from handpipe.core import artifacts
-from handpipe.core.configuration.config import Dataset, load_dataset
+from handpipe.core.configuration.dataset import Dataset, load_dataset
 from handpipe.core.errors import InputError
 from handpipe.synthetic.real_anatomy import zanatomy_index
 

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 import yaml
 
-from handpipe.core.configuration.config import load_dataset
+from handpipe.core.configuration.dataset import load_dataset
 from handpipe.core.errors import HandpipeError, InputError
 from handpipe.hand.checks import faults
 

@@ -16,7 +16,7 @@ from benchmarks.trust.poses import CHUNKS
 from benchmarks.trust.stale import Workbench, workbench
 from snakemake.exceptions import WorkflowError
 
-from handpipe.core.configuration.config import Scene
+from handpipe.core.configuration.scene import Scene
 from handpipe.skeleton.bones.bone_files import read_surfaces
 from handpipe.skeleton.rig.rig import Rig
 

@@ -6,29 +6,13 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.core.configuration import selection
-    from handpipe.core.configuration.config import (
-        Dataset,
-        ImageEffect,
-        Images,
-        Interpolation,
-        Joint,
-        Length,
-        Model,
-        Muscle,
-        Name,
-        Recording,
-        Role,
-        Scanner,
-        Scene,
-        Segmentation,
-        Strength,
-        Vector,
-        checked,
-        every_fault,
-        load_dataset,
-        load_scene,
-        load_yaml,
-    )
+    from handpipe.core.configuration.anatomy import Joint, Muscle
+    from handpipe.core.configuration.dataset import Dataset, Interpolation, Segmentation, load_dataset
+    from handpipe.core.configuration.images import ImageEffect, Images, Scanner, Strength
+    from handpipe.core.configuration.loading import checked, every_fault, load_yaml
+    from handpipe.core.configuration.model import Length, Model, Name, Vector
+    from handpipe.core.configuration.pose import Role
+    from handpipe.core.configuration.scene import Recording, Scene, load_scene
     from handpipe.core.configuration.selection import restored
     from handpipe.core.configuration.settings import require_fidelity, settings_of
     from handpipe.core.configuration.tree_order import joint_order

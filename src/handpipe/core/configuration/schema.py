@@ -1,7 +1,7 @@
 """JSON schemas of the files that people write, so that editors can check and complete them.
 
 `python -m handpipe.core.configuration.schema workflow/schemas` writes them anew after a change of
-`handpipe.core.configuration.config`.
+the models of this package.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from pathlib import Path
 
 from handpipe.core.artifacts import write_text
 from handpipe.core.command import Parser, reported
-from handpipe.core.configuration.config import Dataset, Model, Scene
+from handpipe.core.configuration.dataset import Dataset
+from handpipe.core.configuration.model import Model
+from handpipe.core.configuration.scene import Scene
 from handpipe.core.configuration.settings import Settings
 
 MODELS: dict[str, type[Model]] = {"config": Settings, "dataset": Dataset, "scene": Scene}

@@ -16,7 +16,7 @@ from typing import Any, NoReturn, TypeVar, Union, get_args, get_origin
 from pydantic import TypeAdapter
 from pydantic_core import to_jsonable_python
 
-from handpipe.core.configuration.config import Model, UndeclaredFieldError
+from handpipe.core.configuration.model import Model, UndeclaredFieldError
 
 M = TypeVar("M", bound=Model)
 Paths = Sequence[tuple[str, ...]]

@@ -7,15 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from handpipe.core.configuration.config import (
-    Fidelity,
-    Interpolation,
-    Length,
-    Model,
-    Scene,
-    Subject,
-    checked,
-)
+from handpipe.core.configuration.dataset import Interpolation
+from handpipe.core.configuration.loading import checked
+from handpipe.core.configuration.model import Fidelity, Length, Model, Subject
+from handpipe.core.configuration.scene import Scene
 from handpipe.core.errors import InputError
 
 
