@@ -64,10 +64,10 @@ coverage: setup
 
 lint: setup
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
-	$(BIN)/snakefmt --check Snakefile workflow/rules && $(BIN)/snakemake --lint
+	$(BIN)/snakefmt --check Snakefile workflow/helpers workflow/rules && $(BIN)/snakemake --lint
 
 format: setup
-	$(BIN)/ruff check --fix . && $(BIN)/ruff format . && $(BIN)/snakefmt Snakefile workflow/rules
+	$(BIN)/ruff check --fix . && $(BIN)/ruff format . && $(BIN)/snakefmt Snakefile workflow/helpers workflow/rules
 
 rulegraph: setup
 	mkdir -p results

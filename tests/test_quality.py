@@ -44,7 +44,7 @@ TOP = ("stages", "cli")  # import all of them
         "ruff check .",
         "ruff format --check .",
         "mypy",
-        "snakefmt --check Snakefile workflow/rules",
+        "snakefmt --check Snakefile workflow/helpers workflow/rules",
         "snakemake --lint",
     ],
 )

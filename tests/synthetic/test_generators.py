@@ -108,7 +108,7 @@ def test_no_package_below_knows_a_generator_by_name() -> None:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         values = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
         knowing += [f"{path}: {name}" for name in GENERATORS if name in values]
-    for path in (CHECKOUT / "Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk")):
+    for path in (CHECKOUT / "Snakefile", *(CHECKOUT / "workflow").rglob("*.smk")):
         text = path.read_text(encoding="utf-8")
         knowing += [f"{path}: {name}" for name in GENERATORS if f'generator == "{name}"' in text]
     assert knowing == []

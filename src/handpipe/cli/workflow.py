@@ -98,7 +98,7 @@ def job_counts(build: Build) -> tuple[dict[str, int], dict[str, int]]:
 
 
 def is_running() -> bool:
-    """Whether a build runs in this folder: it holds the lock that workflow/rules/common.smk takes."""
+    """Whether a build runs in this folder: it holds the lock that workflow/helpers/build.smk takes."""
     if not LOCK.is_file():
         return False
     with LOCK.open("r+") as file:
