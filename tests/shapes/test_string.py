@@ -23,9 +23,21 @@ def test_slopes_follow_the_marks_and_do_not_wiggle() -> None:
     assert ours.local.min() == pytest.approx(line.local.min(), abs=0.02)
 
 
-def test_without_a_tube_the_string_buckles() -> None:
+@pytest.mark.parametrize("cells", [16, 24])
+def test_without_a_tube_the_string_buckles_and_the_fit_says_so(
+    cells: int, caplog: pytest.LogCaptureFixture
+) -> None:
     """Why its places along the line once had a peak slope of 7.5."""
-    assert string.buckled(string.fitted(16, tube=0.0)) > 2.0
+    fit = string.fitted(cells, tube=0.0)
+    assert string.buckled(fit) > 2.0
+    assert fit.quality["attachments_bend"][0] > 0.02 * string.LENGTH
+    assert "it may have buckled" in caplog.text
+
+
+@pytest.mark.parametrize("cells", [16, 24])
+def test_in_the_tube_nothing_is_said(cells: int, caplog: pytest.LogCaptureFixture) -> None:
+    assert string.fitted(cells).quality["attachments_bend"][0] < 0.01 * string.LENGTH
+    assert "buckled" not in caplog.text
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])

@@ -21,6 +21,7 @@ from handpipe.shapes.observations.straight import loosened
 from handpipe.shapes.optimisation.search import StepRecord
 from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.optimisation.strain_space import State
+from handpipe.shapes.organs.buckling import bend
 from handpipe.shapes.organs.doubts import Doubts, examine
 from handpipe.shapes.organs.remeshing import Given, OnMesh
 from handpipe.shapes.organs.resume import FitCheckpoint
@@ -146,7 +147,9 @@ def fit_organ(
     landmarks = None if landmarks is None else landmarks.checked("landmarks")
     named = {sources.attachments: attachments, sources.landmarks: landmarks}
     require_sizes(template, points, {name: p for name, p in named.items() if p is not None}, sources)
+    given_attachments = attachments
     attachments, landmarks = loosened(attachments, landmarks)
+    on_line = attachments is not given_attachments
     attached = None if attachments is None else attachments.attached(template)
     known = None if landmarks is None else landmarks.attached(template)
     given = Given(template, points, attached, known, tuple(loads), volume, settings)
@@ -166,7 +169,7 @@ def fit_organ(
     position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
     if file is not None:
         file.done()
-    return _finished(position, task.marks, start, doubts)
+    return _finished(position, task.marks, start, doubts, on_line)
 
 
 def _start(given: Given) -> Array:
@@ -174,9 +177,15 @@ def _start(given: Given) -> Array:
     return placed(given.template, pairs, OnMesh.of_template(given).marks)
 
 
-def _finished(position: FitPosition, template_marks: BoundaryMarks, start: Array, doubts: Doubts) -> OrganFit:
+def _finished(
+    position: FitPosition, template_marks: BoundaryMarks, start: Array, doubts: Doubts, on_line: bool
+) -> OrganFit:
+    """The fit; on_line: whether the attachments are on a line."""
     task, state = position.task, position.state
     kept = task.marks.weights(state.x) > 0
+    quality = _quality(task, state, kept, template_marks.distances(start)) | doubts.quality()
+    if on_line and (bent := bend(task.search, state)) is not None:
+        quality["attachments_bend"] = (bent, "mm")
     return OrganFit(
         mesh=task.mesh.moved(state.x),
         rest=task.mesh,
@@ -185,7 +194,7 @@ def _finished(position: FitPosition, template_marks: BoundaryMarks, start: Array
         record=task.search.record,
         kept=kept,
         doubtful=doubts.attachments,
-        quality=_quality(task, state, kept, template_marks.distances(start)) | doubts.quality(),
+        quality=quality,
     )
 
 
