@@ -21,7 +21,7 @@ from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.biharmonic import Biharmonic, left_out
 from handpipe.mesh.surfaces.distance import surface_errors
 from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.muscles.fitting.template_placement import Affine
+from handpipe.tissues.muscles.fitting.template_bones import Affine
 
 TURN = Rotation.from_rotvec([0.4, -0.2, 0.9]).as_matrix()
 

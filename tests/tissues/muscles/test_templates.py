@@ -11,13 +11,9 @@ from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import surface_errors
 from handpipe.mesh.surfaces.surface import Surface, read_surface
 from handpipe.synthetic.phantom import phantom_bones
-from handpipe.tissues.muscles.fitting.template_placement import (
-    BoneWarp,
-    fit_similarity,
-    place,
-    read_attachments,
-    register_bones,
-)
+from handpipe.tissues.muscles.fitting.attachment_files import read_attachments
+from handpipe.tissues.muscles.fitting.template_bones import fit_similarity, register_bones
+from handpipe.tissues.muscles.fitting.template_placement import BoneWarp, place
 
 
 def bone(centre, lengths) -> Surface:
