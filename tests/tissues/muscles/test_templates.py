@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.shipped import HAND
 from handpipe.core.errors import InputError
+from handpipe.mesh.generation import remesh
 from handpipe.mesh.surfaces.distance import surface_errors
 from handpipe.mesh.surfaces.surface import Surface, read_surface
 from handpipe.synthetic.phantom import phantom_bones
@@ -60,6 +61,22 @@ def test_a_slender_template_keeps_its_volume_whatever_edge_is_asked_for():
     stout = surface.moved(4 * surface.vertices)
     edges = place(stout, held, lambda points: points, 1.5).surface.edge_lengths()
     assert np.median(edges) == pytest.approx(1.5, rel=0.15)
+
+
+def test_a_thin_end_stays_where_it_is_attached():
+    """The last 2 mm are 1.5 mm wide and 0.7 mm thick: edges of 1.1 mm cut them off."""
+    sphere = trimesh.creation.icosphere(subdivisions=6)
+    unit = np.asarray(sphere.vertices)
+    taper = np.clip((1.0 - unit[:, 0]) / 0.8, 0.2, 1.0)[:, None] ** [1.0, 1.5]
+    surface = Surface(
+        np.column_stack([16.0 * unit[:, :1], 8.0 * unit[:, 1:] * taper]), np.asarray(sphere.faces)
+    )
+    x = surface.vertices[:, 0]
+    assert remesh(surface, 1.1).vertices[:, 0].max() < x.max() - 2.0
+    held = {"tip": np.flatnonzero(x > x.max() - 2.0), "a": np.flatnonzero(x < x.min() + 2.0)}
+    guess = place(surface, held, lambda points: points, 1.1)
+    assert len(guess.attachments["tip"]) >= 3
+    assert guess.surface.vertices[:, 0].max() > x.max() - 1.5
 
 
 def test_similarity_is_exact_on_similar_points():

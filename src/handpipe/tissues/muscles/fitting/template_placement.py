@@ -19,6 +19,8 @@ SMOOTHING = 0.5  # mm
 ROUND = 0.85  # of V / A, half the radius of a long round body: 15 edges around it, which cut off 3 % of it
 NEAR = 0.75  # of a bone's size: what attaches to it is nearer
 FINEST = 0.4  # of the edge length that is asked for
+SHORTER = (1.0, 0.7, 0.5)  # times the edge length, in turn, while an attached end is cut off
+FEWEST = 3  # vertices that are attached to a bone: fewer do not hold its rotation
 
 
 class BoneWarp:
@@ -107,7 +109,8 @@ def place(
     """The warped template, remeshed, with its attachments.
 
     Where the template is thin the edges are shorter, lest triangles between points of its boundary cut its
-    volume away. A vertex is attached if the nearest vertex of the template is.
+    volume away, and shorter still where they would cut off a thin end that is attached. A vertex is attached
+    if the nearest vertex of the template is.
 
     Parameters
     ----------
@@ -141,13 +144,17 @@ def place(
         owner[attachments[name]] = i
     labels = component_labels(moved.triangles)
     largest = np.bincount(labels, moved.triangle_areas()).argmax()
-    finer = float(np.clip(ROUND * moved.volume() / moved.area(), FINEST * edge, edge))
-    fine = remesh(moved, finer).largest_component()  # slivers thinner than an edge break off
     used = np.unique(moved.triangles[labels == largest])
-    nearest = used[cKDTree(moved.vertices[used]).query(fine.vertices)[1]]
-    found = {name: np.flatnonzero(owner[nearest] == i) for i, name in enumerate(names)}
+    tree = cKDTree(moved.vertices[used])
+    finer = float(np.clip(ROUND * moved.volume() / moved.area(), FINEST * edge, edge))
+    for shorter in SHORTER:
+        fine = remesh(moved, shorter * finer).largest_component()  # slivers thinner than an edge break off
+        nearest = used[tree.query(fine.vertices)[1]]
+        found = {name: np.flatnonzero(owner[nearest] == i) for i, name in enumerate(names)}
+        if all(len(ids) >= FEWEST for ids in found.values()):
+            break
     for name, ids in found.items():
-        if len(ids) < 3:
+        if len(ids) < FEWEST:
             problem = f"only {len(ids)} vertices of the remeshed template attach to it"
             remedy = "Mark more vertices"
             if not np.isin(attachments[name], used).any():
