@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 from tests.mesh.shapes import box_tets, sphere
 
 from handpipe.core.errors import InputError
+from handpipe.mesh.contact import crossings
+from handpipe.mesh.generation import union_surface
 from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
@@ -39,6 +42,21 @@ def test_a_shell_is_meshed_with_its_own_volume():
     probe = np.random.default_rng(0).normal(size=(200, 3))
     probe *= np.linspace(INNER + 0.2, OUTER - 0.2, 200)[:, None] / np.linalg.norm(probe, axis=1)[:, None]
     assert Distance(Surface(mesh.vertices, mesh.boundary_faces()[0])).signed(probe)[0].max() < 0.1
+
+
+def test_fingers_that_lie_close_are_meshed_apart():
+    """0.6 mm between two fingers: pushed outwards by a tenth of an edge, their hulls would cross."""
+    sizes = {(-4.8, 0, 18): (9, 18, 36), (4.8, 0, 18): (9, 18, 36), (0, 0, -6): (18.6, 18, 14)}
+    boxes = [trimesh.creation.box(size).apply_translation(at) for at, size in sizes.items()]
+    fine = [remesh(Surface(np.asarray(m.vertices), np.asarray(m.faces)), 2.0) for m in boxes]
+    skin = union_surface(fine, 0.3)
+    coarse = remesh(skin, 4.0)
+    pushed = coarse.moved(coarse.vertices + 0.4 * coarse.vertex_normals())
+    assert len(crossings(coarse)) == 0 and len(crossings(pushed)) > 0
+    mesh, share = tissue_mesh(skin, sphere(4.0).moved(sphere(4.0).vertices - [0, 0, 6]), 4.0)
+    assert (mesh.volumes() > 0).all()
+    tissue = float(share @ mesh.volumes())
+    assert tissue == pytest.approx(skin.volume() - sphere(4.0).volume(), rel=0.03)
 
 
 def test_occupancy_is_the_share_between_two_spheres():

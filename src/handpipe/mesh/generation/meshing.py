@@ -105,7 +105,8 @@ def _explain(log: str) -> None:
         or "Invalid boundary mesh" in log
         or "No elements in volume" in log
     ):
-        problem = f"cuts or touches itself, or its triangles overlap; gmsh says:\n{tail}\n"
+        said = next((line for line in reversed(log.splitlines()) if "Error" in line), "").strip()
+        problem = f"cuts or touches itself, or its triangles overlap (gmsh: {said or 'no tets'})"
         remedy = "Repair it with handpipe.mesh.generation.repair"
         raise InputError("tetrahedralise", "surface", problem, remedy)
     raise HandpipeError(f"gmsh failed:\n{tail}")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handpipe.core import Array, BoolArray, InputError
+from handpipe.mesh.contact import crossings
 from handpipe.mesh.generation import remesh, tetrahedralise, union_surface
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import TetMesh, nearest_tets, tet_neighbours, tet_pieces
@@ -19,6 +20,7 @@ SAMPLES = 20  # points a tet, to measure how much of it is tissue
 LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stiffness
 MOST_LOST = 0.01  # of the tissue, in pockets that are left out
 OUTWARDS = 0.1  # of an edge by which the hull is larger than the skin
+HALVINGS = 6  # of that, where the hull would cut itself
 
 
 def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Array]:
@@ -42,13 +44,29 @@ def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Ar
     occupancy : array (m,)
         Share of each tet that is tissue, at least 0.1.
     """
-    hull = remesh(skin, edge)
-    hull = hull.moved(hull.vertices + OUTWARDS * edge * hull.vertex_normals())
-    full = tetrahedralise(hull, edge)
+    full = tetrahedralise(_hull(skin, edge), edge)
     share = occupancy(full, skin, inner)
     depth = Distance(inner).signed(full.vertices)[0]
     keep = (share > 0) & ~(depth[full.tets] < 0).all(axis=1)
     return _part(full, keep), np.maximum(share[keep], LEAST_OCCUPANCY)
+
+
+def _hull(skin: Surface, edge: float) -> Surface:
+    """A coarse surface, a little larger than the skin; less where it would cut itself, as between fingers."""
+    hull = remesh(skin, edge)
+    outwards = OUTWARDS * edge * hull.vertex_normals()
+    share = np.ones((len(hull.vertices), 1))
+    for _ in range(HALVINGS + 1):
+        larger = hull.moved(hull.vertices + share * outwards)
+        crossed = crossings(larger)
+        if len(crossed) == 0:
+            return larger
+        edges, triangles = crossed.T
+        share[hull.edges()[edges]] *= 0.5
+        share[hull.triangles[triangles]] *= 0.5
+    where = tuple(np.round(larger.vertices[hull.triangles[triangles[0]]].mean(axis=0), 1).tolist())
+    problem = f"cuts itself near {where} mm where its triangles have edges of {edge:g} mm"
+    raise InputError("skin", "triangles", problem, "Give a smaller edge for fat, or look at the skin there")
 
 
 def without_pockets(
