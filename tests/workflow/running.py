@@ -58,7 +58,7 @@ def run(
 
 
 def _warm_run(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    server = _server()
+    server = _server(tuple(sorted(ENVIRONMENT.items())))
     assert server.stdin is not None and server.stdout is not None
     with tempfile.NamedTemporaryFile("r", encoding="utf-8") as said:
         call = {"folder": str(folder), "arguments": arguments, "said": said.name}
@@ -69,11 +69,11 @@ def _warm_run(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess
 
 
 @functools.cache
-def _server() -> subprocess.Popen[str]:
-    """The process of `warm_snakemake`, which ends with this one."""
+def _server(environment: tuple[tuple[str, str], ...]) -> subprocess.Popen[str]:
+    """The process of `warm_snakemake` with an environment, which ends with this one."""
     server = subprocess.Popen(
         [sys.executable, str(Path(__file__).with_name("warm_snakemake.py"))],
-        env=ENVIRONMENT,
+        env=dict(environment),
         encoding="utf-8",
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
