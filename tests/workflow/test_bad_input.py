@@ -220,7 +220,10 @@ def test_mistakes_in_files_of_other_subjects_and_scenes_stop_nothing(small: Path
     for name, content in others.items():
         for folder in ("datasets", "scenes"):
             (small / "config" / folder / f"{name}.yaml").write_text(content)
-    assert run(small, "-n", SEGMENT, *SMALL).returncode == 0
+    process = run(small, "-n", SEGMENT, *SMALL)
+    assert process.returncode == 0
+    for name in others:
+        assert f"handpipe: {name} has no rules: config/datasets/{name}.yaml: " in process.stdout
 
 
 def test_truncated_artifact(built_small: Path, tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """Snakemake's command line, run out of a process that has imported its libraries already.
 
-A start takes 5 s of processor, more than half of it imports of libraries, and tests start it some hundred
-times. This process imports them once and forks for each call; the package under test is not imported before
-the fork. Calls are lines of JSON, answers are exit statuses.
+Tests start it some hundred times, and a third of each start is imports of libraries. This process imports
+them once and forks for each call; the package under test is not imported before the fork. Calls are lines of
+JSON, answers are exit statuses.
 """
 
 import importlib
@@ -16,7 +16,7 @@ LIBRARIES = ("snakemake.cli", "h5py", "numba", "pydantic", "scipy.interpolate", 
 def call(folder: str, arguments: list[str], said: str) -> None:
     """Run Snakemake in a folder and end this process; all that it says goes to the file `said`."""
     os.chdir(folder)
-    sys.path[0] = folder  # as `python -m snakemake` has it
+    sys.path[0] = os.getcwd()  # as `python -m snakemake` has it
     out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     for stream in (1, 2):
         os.dup2(out, stream)

@@ -74,6 +74,7 @@ def whole_dataset(subject):
 
 @functools.cache
 def read_dataset(file):
+    """The dataset of a file, which is read once."""
     return load_dataset(file)
 
 
@@ -102,8 +103,9 @@ def right_datasets():
     for file in sorted(Path("config/datasets").glob("*.yaml")):
         try:
             found[file.stem] = read_dataset(file)
-        except HandpipeError:  # said where the subject is needed
-            continue
+        except HandpipeError as error:
+            if file.stem not in SETTINGS.subjects:  # of these `whole_dataset` says it
+                logger.warning(f"handpipe: {file.stem} has no rules: {error}")
     return found
 
 

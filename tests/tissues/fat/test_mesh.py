@@ -10,7 +10,7 @@ from handpipe.mesh.contact import crossings
 from handpipe.mesh.generation import union_surface
 from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
-from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.tissues.fat.constraints import InnerPoints
 from handpipe.tissues.fat.mesh import (
@@ -57,6 +57,13 @@ def test_fingers_that_lie_close_are_meshed_apart():
     assert (mesh.volumes() > 0).all()
     tissue = float(share @ mesh.volumes())
     assert tissue == pytest.approx(skin.volume() - sphere(4.0).volume(), rel=0.03)
+
+
+def test_a_skin_that_cuts_itself_is_refused_with_its_place():
+    ball = sphere(8.0)
+    both = concatenate([ball, ball.moved(ball.vertices + [9.0, 0, 0])])
+    with pytest.raises(InputError, match=r"skin: triangles: cuts itself near \(.*edges of 3 mm"):
+        tissue_mesh(both, sphere(2.0), 3.0)
 
 
 def test_occupancy_is_the_share_between_two_spheres():

@@ -19,6 +19,7 @@ LIBRARIES = (
     "libgomp1 libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 "
     "libxext6 libxft2 libxinerama1 libx11-6 libfontconfig1"
 )
+CUTS = ("intersect", "PLC Error", "Invalid boundary mesh", "No elements in volume")  # gmsh, of such surfaces
 VOLUME_TOLERANCE = 0.02  # of the wanted volume
 
 
@@ -99,14 +100,9 @@ def _explain(log: str) -> None:
     tail = "\n".join(log.strip().splitlines()[-20:])
     if "OSError" in log and ".so" in log:
         raise HandpipeError(f"gmsh cannot load a library. On Debian: apt-get install {LIBRARIES}\n{tail}")
-    if (
-        "intersect" in log
-        or "PLC Error" in log
-        or "Invalid boundary mesh" in log
-        or "No elements in volume" in log
-    ):
-        said = next((line for line in reversed(log.splitlines()) if "Error" in line), "").strip()
-        problem = f"cuts or touches itself, or its triangles overlap (gmsh: {said or 'no tets'})"
+    cuts = [line for line in log.splitlines() if any(words in line for words in CUTS)]
+    if cuts:
+        problem = f"cuts or touches itself, or its triangles overlap (gmsh: {cuts[-1].strip()})"
         remedy = "Repair it with handpipe.mesh.generation.repair"
         raise InputError("tetrahedralise", "surface", problem, remedy)
     raise HandpipeError(f"gmsh failed:\n{tail}")

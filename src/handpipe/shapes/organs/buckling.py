@@ -19,9 +19,7 @@ from handpipe.shapes.optimisation.strain_space import State
 
 log = logging.getLogger(__name__)
 
-BENT = (
-    0.01  # of the organ's size: bars that stay straight have 0.003 at most, those that buckled 0.02 or more
-)
+BENT = 0.01  # of the organ's size: straight bars have 0.003 at most, those that buckled 0.02 or more
 
 
 def bend(search: Search, state: State) -> float | None:
@@ -45,12 +43,10 @@ def bend(search: Search, state: State) -> float | None:
     try:
         free = search.at(state.unknowns, nothing, x).x
     except ConvergenceError as error:
-        log.warning("whether attachments on a line bend the organ is not known: without them %s", error)
+        log.warning("whether the organ has buckled is not known: without attachments: %s", error)
         return None
     found = float(np.linalg.norm(RigidTransform.fit(free, x)(free) - x, axis=1).max())
     if found > BENT * np.ptp(x, axis=0).max():
-        text = (
-            "attachments, which are on a line, bend the organ by %.3g mm: it may have buckled. Give marks or "
-        )
-        log.warning(text + "landmarks of its sides", found)
+        report = "attachments on a line bend the organ by %.3g mm: %s"
+        log.warning(report, found, "it may have buckled. Give marks or landmarks of its sides")
     return found

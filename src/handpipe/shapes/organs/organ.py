@@ -17,7 +17,7 @@ from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.given_frame import Sources, require_in_image, require_reached, require_sizes
 from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
 from handpipe.shapes.observations.placement import placed
-from handpipe.shapes.observations.straight import loosened
+from handpipe.shapes.observations.straight import loosened, on_line
 from handpipe.shapes.optimisation.search import StepRecord
 from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.optimisation.strain_space import State
@@ -147,9 +147,7 @@ def fit_organ(
     landmarks = None if landmarks is None else landmarks.checked("landmarks")
     named = {sources.attachments: attachments, sources.landmarks: landmarks}
     require_sizes(template, points, {name: p for name, p in named.items() if p is not None}, sources)
-    given_attachments = attachments
     attachments, landmarks = loosened(attachments, landmarks)
-    on_line = attachments is not given_attachments
     attached = None if attachments is None else attachments.attached(template)
     known = None if landmarks is None else landmarks.attached(template)
     given = Given(template, points, attached, known, tuple(loads), volume, settings)
@@ -169,7 +167,7 @@ def fit_organ(
     position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
     if file is not None:
         file.done()
-    return _finished(position, task.marks, start, doubts, on_line)
+    return _finished(position, task.marks, start, doubts)
 
 
 def _start(given: Given) -> Array:
@@ -177,14 +175,13 @@ def _start(given: Given) -> Array:
     return placed(given.template, pairs, OnMesh.of_template(given).marks)
 
 
-def _finished(
-    position: FitPosition, template_marks: BoundaryMarks, start: Array, doubts: Doubts, on_line: bool
-) -> OrganFit:
-    """The fit; on_line: whether the attachments are on a line."""
+def _finished(position: FitPosition, template_marks: BoundaryMarks, start: Array, doubts: Doubts) -> OrganFit:
     task, state = position.task, position.state
     kept = task.marks.weights(state.x) > 0
     quality = _quality(task, state, kept, template_marks.distances(start)) | doubts.quality()
-    if on_line and (bent := bend(task.search, state)) is not None:
+    held = task.attachments.targets
+    bent = bend(task.search, state) if len(held) >= 3 and on_line(held) else None
+    if bent is not None:
         quality["attachments_bend"] = (bent, "mm")
     return OrganFit(
         mesh=task.mesh.moved(state.x),

@@ -74,21 +74,17 @@ def of_build(
     """
     longer = stretch(build)
 
-    def volume(name: str, organ: MuscleCurves) -> float | None:
+    def muscle(name: str, organ: MuscleCurves) -> MuscleCurves:
+        section = build.volume(name)
         on = [point.bone for curve in organ.curves for point in curve.points]
         length = float(np.mean([longer.get(bone or "", 1.0) for bone in on]))
-        return None if organ.volume is None else organ.volume * build.volume(name) * length
-
-    def muscle(name: str, organ: MuscleCurves) -> MuscleCurves:
-        curves = [
+        curves = tuple(
             _followed(c, sunken(c.points, bones, file.distal, source, f"muscles.{name}.curves.{i}") > SUNKEN)
             for i, c in enumerate(organ.curves)
-        ]
-        thinner = np.sqrt(build.volume(name))
-        edge = None if organ.edge_length is None else organ.edge_length * float(thinner)
-        return organ.model_copy(
-            update={"curves": tuple(curves), "volume": volume(name, organ), "edge_length": edge}
         )
+        volume = None if organ.volume is None else organ.volume * section * length
+        edge = None if organ.edge_length is None else organ.edge_length * section**0.5
+        return organ.model_copy(update={"curves": curves, "volume": volume, "edge_length": edge})
 
     def ligament(organ: MuscleCurves) -> MuscleCurves:
         curves = tuple(_followed(c, np.full(len(c.points) - 1, True)) for c in organ.curves)
@@ -103,9 +99,9 @@ def of_build(
 
 
 def _followed(curve: Curve, closer: BoolArray) -> Curve:
-    """The curve with one more point, higher by `BULGE`, after each point where it is to be `closer`.
+    """The curve with one more point, higher by `BULGE`, after each point (n - 1,) where it is to be `closer`.
 
-    This needs the point and the next to be on one bone.
+    Only between two points on one bone.
     """
     found = [curve.points[0]]
     for before, after, more in zip(curve.points[:-1], curve.points[1:], closer, strict=True):
