@@ -189,6 +189,7 @@ CHANGES = [
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
+            "scan": (True, "export_scan require_frames"),
             "skeleton": (True, "export_skeleton require_frames"),
             "equilibria": (True, "evaluate_frames find_equilibria"),
             "muscle_barrier": (True, "simulate"),
@@ -218,6 +219,7 @@ CHANGES = [
         {
             "level": ("L1", "animate"),
             "learned": ("random-other", "animate expand_motion learn_levels simulate"),
+            "delta_mush": (5, "export_scan"),
         },
     ),
     *_changes(
@@ -274,6 +276,7 @@ LEARNED = {
     "chunk": 4,
     "level": "L0",
     "learned": "random-finger",
+    "scan": True,
 }
 
 

@@ -22,6 +22,7 @@ SEGMENT = "results/small/segmentation/bent/bones.h5"
 MERGE = "results/small/segmentation/bent/labels.nii.gz"
 SIMULATE = "results/small/simulation/flexion/flexion.glb"
 FAT = "results/small/fat/strains.h5"
+SCAN = "results/small/simulation/flexion/flexion-scan.glb"
 SOFT = "results/small/soft_tissue/mesh.h5"
 DATASET = "config/datasets/small.yaml"
 
@@ -108,6 +109,12 @@ def scan_with_island(folder: Path) -> None:
     write_mesh(folder / "small" / "bent.ply", trimesh.util.concatenate([body(), island]))
 
 
+def lost_texture(folder: Path) -> None:
+    text = body().export(file_type="obj")
+    (folder / "small" / "flat.obj").write_text(f"mtllib lost.mtl\n{text}")
+    edit(folder, lambda d: d["poses"]["flat"].update(scan="flat.obj"))
+
+
 def muscle_in_centimetres(folder: Path) -> None:
     write_mesh(folder / "small" / "flexor.ply", ball().apply_translation([60, 0, 0]).apply_scale(0.1))
     for bone in ("near", "far"):
@@ -182,6 +189,7 @@ RUNS = [
         SOFT,
         (DATASET, "poses.flat.scan", "is not given, but the layer skin is made of it"),
     ),
+    (lost_texture, SCAN, ("small/flat.obj", "texture", "names lost.mtl, which does not exist")),
     (unknown_pose, SEGMENT.replace("bent", "fist"), (DATASET, "poses.fist", "is not a pose")),
 ]
 

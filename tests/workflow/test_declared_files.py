@@ -156,7 +156,7 @@ COARSE = {
 SCENE = {
     "layers": ["fat"],
     "frames": "config/scenes/moving.csv",
-    **dict.fromkeys(("obj", "rigged", "skeleton", "mechanics", "deviations", "equilibria"), True),
+    **dict.fromkeys(("obj", "rigged", "scan", "skeleton", "mechanics", "deviations", "equilibria"), True),
     **dict.fromkeys(("movie", "images"), True),
 }
 KEYS = "key,time [frame],hinge_flexion [deg]\nflat,0,0\nbent,1,5\n"

@@ -194,11 +194,13 @@ def test_volumes_give_the_skins_that_scans_do_not(
 def test_files_for_other_programs_are_written_where_a_scene_asks_for_them(small: Path, target: str) -> None:
     write_scene(small, "plain", "layers: [bones]")
     write_scene(
-        small, "exported", "layers: [bones]\nobj: true\nrigged: true\nskeleton: true\nmechanics: true"
+        small,
+        "exported",
+        "layers: [skin]\nobj: true\nrigged: true\nscan: true\nskeleton: true\nmechanics: true",
     )
     rules = planned(small, target, "--config", "subjects=[small]", "scenes=[plain,exported]")
     assert rules["export_scene"] == 2
-    assert [rules[f"export_{kind}"] for kind in ("obj", "rigged", "skeleton", "mechanics")] == [1, 1, 1, 1]
+    assert [rules[f"export_{kind}"] for kind in ("obj", "rigged", "scan", "skeleton", "mechanics")] == [1] * 5
 
 
 @pytest.mark.parametrize(("asked", "movies"), [("", (1, 0)), ("images: true", (1, 1))])

@@ -9,6 +9,7 @@ import nibabel
 import numpy as np
 import pygltflib
 import pytest
+import trimesh
 from PIL import Image as images
 from scipy.ndimage import map_coordinates
 
@@ -18,8 +19,8 @@ from .small_subject import AFFINE, image
 FRAMES = ("rest", "bent")
 TABLE = "tables/frames-seen.json"
 RULES = {
-    "export_mechanics", "export_skeleton", "export_obj", "export_rigged", "find_equilibria", "move_images",
-    "render_movie", "render_volumes",
+    "export_mechanics", "export_skeleton", "export_obj", "export_rigged", "export_scan", "find_equilibria",
+    "move_images", "render_movie", "render_volumes",
 }  # fmt: skip
 SCENE = """layers: [skin]
 frames: config/scenes/seen.csv
@@ -28,6 +29,8 @@ images: true
 mechanics: true
 equilibria: true
 rigged: true
+scan: true
+delta_mush: 3
 skeleton: true
 obj: true
 """
@@ -102,6 +105,17 @@ def test_the_rig_has_a_node_a_bone(scene: Path) -> None:
     document = pygltflib.GLTF2().load(str(scene / "seen-rigged.glb"))
     assert [document.nodes[joint].name for joint in document.skins[0].joints] == ["near", "far"]
     assert len(list((scene / "obj").glob("*.obj"))) == len(FRAMES)
+
+
+def test_the_scan_moves_with_the_frames(built: Path, scene: Path) -> None:
+    document = pygltflib.GLTF2().load(str(scene / "seen-scan.glb"))
+    [mesh] = document.meshes
+    assert mesh.extras["targetNames"] == list(FRAMES)
+    [primitive] = mesh.primitives
+    source = trimesh.load_mesh(built / "small/flat.ply", process=False)
+    assert document.accessors[primitive.attributes.POSITION].count == len(source.vertices)
+    moved = [document.accessors[target["POSITION"]].max for target in primitive.targets]
+    assert max(moved[0]) < 1e-4 and max(moved[1]) > 1e-3  # m
 
 
 def test_each_frame_says_whether_it_has_other_equilibria(built: Path) -> None:

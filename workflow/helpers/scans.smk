@@ -1,9 +1,12 @@
 # The skin of poses: scans, or what their volumes show.
 
+from pathlib import Path
+
 from snakemake.exceptions import WorkflowError
 
 from handpipe.core import paths
 from handpipe.hand import require_skin
+from handpipe.hand.exports import texture_files
 
 
 def scanned(subject):
@@ -73,6 +76,19 @@ def scanned_files(subject):
 def neutral_scan(wildcards):
     data = dataset(wildcards.subject)
     return needed_scan(wildcards.subject, data.neutral, "skin")
+
+
+def neutral_scan_file(wildcards):
+    """The scan of the neutral pose as its file is, before it is aligned; else what the volume gives."""
+    data = dataset(wildcards.subject)
+    scan = data.poses[data.neutral].scan
+    return neutral_scan(wildcards) if scan is None else data.path(scan)
+
+
+def textures_of_scan(wildcards):
+    """The materials and images that the neutral scan names; of a scan that is generated, none."""
+    file = neutral_scan_file(wildcards)
+    return checked(texture_files, file) if Path(file).exists() else []
 
 
 def example_scan(wildcards):

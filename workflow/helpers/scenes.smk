@@ -235,6 +235,7 @@ def views():
     asked = {
         paths.SCENE_IMAGES: lambda s: s.images,
         paths.SCENE_RIGGED: lambda s: s.rigged,
+        paths.SCENE_SCAN: lambda s: s.scan,
         paths.SCENE_SKELETON: lambda s: s.skeleton,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
         paths.SCENE_DEVIATIONS: lambda s: s.deviations,

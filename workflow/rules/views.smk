@@ -1,5 +1,5 @@
 # The neutral image in motion, with the frames of a scene and into scanned poses (Zheng 2022 Figs. 1, 2, 32, 33); a
-# rigged hand; models of the skeleton; strains and stresses; movies.
+# rigged hand; the textured scan; models of the skeleton; strains and stresses; movies.
 
 
 rule move_images:
@@ -104,6 +104,32 @@ rule export_rigged:
         "{wildcards.subject}: {wildcards.scene} as a skeleton with skins and corrective shapes"
     script:
         "../scripts/export_rigged.py"
+
+
+rule export_scan:
+    input:
+        rig=paths.RIG,
+        chunks=scene_chunks,
+        scan=neutral_scan_file,
+        aligned=neutral_scan,
+        textures=textures_of_scan,
+    output:
+        paths.SCENE_SCAN,
+    log:
+        paths.log_of("export_scan", "scene"),
+    benchmark:
+        paths.cost_of("export_scan", "scene")
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=20,
+    params:
+        dataset=reads("hand"),
+        scene=reads_scene("delta_mush"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, the scan with its texture in motion"
+    script:
+        "../scripts/export_scan.py"
 
 
 rule export_skeleton:

@@ -52,6 +52,15 @@ class Scene(Model):
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
     )
+    scan: bool = Field(
+        False, description="write the neutral scan, with its texture, as the skin carries it as a glTF, too"
+    )
+    delta_mush: int = Field(
+        0,
+        ge=0,
+        le=100,
+        description="times that the skin which carries the scan is smoothed on its dorsal side",
+    )
     skeleton: bool = Field(
         False, description="write the skeleton with its tendons as models of MuJoCo and OpenSim, too"
     )
@@ -116,6 +125,10 @@ class Scene(Model):
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
         if self.images and not {"fat", "skin"} & set(self.needed):
             raise ValueError("images: need fat or skin among the layers: the skin bounds the moved image")
+        if self.scan and not {"fat", "skin"} & set(self.needed):
+            raise ValueError("scan: needs fat or skin among the layers: the skin carries it")
+        if self.delta_mush and not self.scan:
+            raise ValueError("delta_mush: smooths what carries the scan: add `scan: true`")
         if self.muscle_barrier and "muscles" not in self.needed:
             raise ValueError("muscle_barrier: needs muscles among the layers: it keeps these alone apart")
         if self.equilibria and not {"fat", "skin"} & set(self.needed):

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from handpipe.hand.exports.mjcf import residual_motion, write_mjcf
     from handpipe.hand.exports.osim import write_osim
     from handpipe.hand.exports.rigged_glb import write_rigged_glb
+    from handpipe.hand.exports.scan_glb import placed_parts, write_scan_glb
+    from handpipe.hand.exports.textured_scan import read_textured, texture_files
     from handpipe.hand.exports.usd_cache import write_usd
 else:
     __getattr__ = face(__name__)
@@ -28,9 +30,12 @@ __all__ = [
     "LinearBlend",
     "Mechanical",
     "muscle_fibres",
+    "placed_parts",
+    "read_textured",
     "residual_motion",
     "surface_triangles",
     "tet_fields",
+    "texture_files",
     "with_mechanics",
     "write_bones",
     "write_deck",
@@ -40,6 +45,7 @@ __all__ = [
     "write_obj_sequence",
     "write_osim",
     "write_rigged_glb",
+    "write_scan_glb",
     "write_usd",
     "write_vtu_series",
 ]

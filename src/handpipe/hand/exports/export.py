@@ -32,9 +32,10 @@ PLASTIC = "strain"  # field of tets: six numbers of their plastic deformation F_
 CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
 ASSET = gltf.Asset(version="2.0", generator="handpipe")
 COMPONENTS = {"float32": gltf.FLOAT, "uint32": gltf.UNSIGNED_INT, "uint16": gltf.UNSIGNED_SHORT}
-ELEMENTS = {1: gltf.SCALAR, 3: gltf.VEC3, 4: gltf.VEC4, 16: gltf.MAT4}
+ELEMENTS = {1: gltf.SCALAR, 2: gltf.VEC2, 3: gltf.VEC3, 4: gltf.VEC4, 16: gltf.MAT4}
 LARGEST = 800_000_000  # bytes of one glTF's moving vertices: its format ends at 4 GiB, viewers before
 BYTES_A_VERTEX = 24  # and frame: a place and a normal in single precision
+ROUGHNESS = 0.6  # of all materials: between a mirror and chalk
 GAMMA = 2.2  # of sRGB: colours of glTF are linear light
 TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
 
@@ -220,11 +221,15 @@ def numbers_in_glb(frames: Sequence[SimulatedFrame], size: int = LARGEST) -> lis
     size : int
         Bytes of all moving vertices, at most, as far as two frames allow.
     """
-    vertices = sum(len(shape.vertices) for _, _, shape in shown(frames[0][1]))
-    chosen = evenly(len(frames), max(size // max(vertices * BYTES_A_VERTEX, 1), 2))
-    if len(chosen) < len(frames):
+    return numbers_within(len(frames), sum(len(shape.vertices) for _, _, shape in shown(frames[0][1])), size)
+
+
+def numbers_within(count: int, vertices: int, size: int = LARGEST) -> list[int]:
+    """As `numbers_in_glb`, of a number of frames in which so many vertices move."""
+    chosen = evenly(count, max(size // max(vertices * BYTES_A_VERTEX, 1), 2))
+    if len(chosen) < count:
         text = "a glTF of all %d frames would have %.1f GB; it has %d of them in equal steps, VTU has all"
-        log.warning(text, len(frames), 1e-9 * vertices * BYTES_A_VERTEX * len(frames), len(chosen))
+        log.warning(text, count, 1e-9 * vertices * BYTES_A_VERTEX * count, len(chosen))
     return chosen.tolist()
 
 
@@ -306,7 +311,7 @@ class GlbWriter:
         if (look, white) not in self.materials:
             linear = [1.0] * 3 if white else [c**GAMMA for c in colour(look)]
             surface = gltf.PbrMetallicRoughness(
-                baseColorFactor=[*linear, opacity(look)], metallicFactor=0.0, roughnessFactor=0.6
+                baseColorFactor=[*linear, opacity(look)], metallicFactor=0.0, roughnessFactor=ROUGHNESS
             )
             material = gltf.Material(name=look, pbrMetallicRoughness=surface, doubleSided=True)
             material.alphaMode = gltf.BLEND if opacity(look) < 1 else gltf.OPAQUE
@@ -315,7 +320,7 @@ class GlbWriter:
         return self.materials[look, white]
 
     def accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
-        """Append an array (n, 1, 3, 4 or 16) of float32, uint32 or uint16; return its accessor."""
+        """Append an array (n, 1, 2, 3, 4 or 16) of float32, uint32 or uint16; return its accessor."""
         view = gltf.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=values.nbytes, target=target)
         self.blob += np.ascontiguousarray(values).tobytes()
         self.document.bufferViews.append(view)

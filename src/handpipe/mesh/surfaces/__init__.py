@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from handpipe.mesh.surfaces.moving import BodyDistances, same_values
     from handpipe.mesh.surfaces.planes import astray, touching_planes
     from handpipe.mesh.surfaces.scan import read_scan
-    from handpipe.mesh.surfaces.smoothing import averaging, taubin
+    from handpipe.mesh.surfaces.smoothing import averaging, delta_mush, taubin
     from handpipe.mesh.surfaces.surface import (
         SURFACE_SUFFIXES,
         Surface,
@@ -61,6 +61,7 @@ __all__ = [
     "component_labels",
     "concatenate",
     "convex_hull",
+    "delta_mush",
     "directed_edges",
     "each_moved",
     "left_out",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.surface import Surface
 
 
@@ -73,6 +74,53 @@ def taubin(surface: Surface, iterations: int, *, passband: float = 0.1, step: fl
         for factor in (step, back):
             surface = surface.moved(surface.vertices + factor * (mean @ surface.vertices - surface.vertices))
     return _with_volume(surface, volume) if closed else surface
+
+
+def delta_mush(rest: Surface, vertices: Array, iterations: int, *, step: float = 0.5) -> Array:
+    """A deformed surface without what is rough in its deformation; what is rough at rest stays.
+
+    Both surfaces are smoothed. What smoothing takes from the surface at rest is given back to the deformed
+    one, in each vertex' own frame.
+
+    Parameters
+    ----------
+    rest : Surface
+        Surface at rest.
+    vertices : array (n, 3)
+        Its vertices as deformed.
+    iterations : int
+        Number of times that both are smoothed.
+    step : float
+        Share of the way to the mean of its neighbours that a vertex moves each time.
+
+    Returns
+    -------
+    array (n, 3)
+        The smoothed deformation.
+
+    References
+    ----------
+    Mancewicz 2014; Wang 2019 §5.4.
+    """
+    mean = averaging(rest)
+    before, after = rest.vertices, vertices
+    for _ in range(iterations):
+        before, after = before + step * (mean @ before - before), after + step * (mean @ after - after)
+    neighbour = np.asarray(mean.argmax(axis=1)).ravel()
+    details = np.einsum("nji,nj->ni", _frames(rest.moved(before), neighbour), rest.vertices - before)
+    return np.asarray(after + np.einsum("nij,nj->ni", _frames(rest.moved(after), neighbour), details))
+
+
+def _frames(surface: Surface, neighbour: IntArray) -> Array:
+    """Orthonormal columns (n, 3, 3) at each vertex: its normal, and directions along the surface.
+
+    The second one is that to a neighbour (n,).
+    """
+    normal = surface.vertex_normals()
+    along = surface.vertices[neighbour] - surface.vertices
+    along -= np.einsum("ni,ni->n", along, normal)[:, None] * normal
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    return np.stack([normal, along, np.cross(normal, along)], axis=2)
 
 
 def _with_volume(surface: Surface, volume: float) -> Surface:
