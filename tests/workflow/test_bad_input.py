@@ -113,6 +113,9 @@ def lost_texture(folder: Path) -> None:
     text = body().export(file_type="obj")
     (folder / "small" / "flat.obj").write_text(f"mtllib lost.mtl\n{text}")
     edit(folder, lambda d: d["poses"]["flat"].update(scan="flat.obj"))
+    scenes = folder / "config" / "scenes"
+    (scenes / "flexion.csv").write_text("frame,hinge_flexion [deg]\nbent,5\n")
+    (scenes / "flexion.yaml").write_text("layers: [skin]\nframes: config/scenes/flexion.csv\nscan: true\n")
 
 
 def muscle_in_centimetres(folder: Path) -> None:
