@@ -43,12 +43,14 @@ def frames(skin: Surface, *moved):
 
 
 def written_obj(folder: Path, surface: Surface) -> Path:
-    """The surface as an OBJ file of two materials, with a seam of texture along the tube."""
+    """An OBJ file of two materials, a seam of texture along the tube, and a place of its own for each corner."""
     rng = np.random.default_rng(0)
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("front", "back"):
         Image.fromarray(rng.integers(0, 255, (16, 16, 3), np.uint8)).save(folder / f"{name}.png")
     (folder / "scan.mtl").write_text("newmtl front\nmap_Kd front.png\nnewmtl back\nmap_Kd back.png\n")
+    along = surface.vertices[surface.triangles, 0].mean(axis=1)
+    surface = Surface(surface.vertices, surface.triangles[np.argsort(along, kind="stable")])
     lines = ["mtllib scan.mtl", *("v {:.9f} {:.9f} {:.9f}".format(*v) for v in surface.vertices)]
     corners = surface.triangles.ravel()
     angle = np.arctan2(surface.vertices[corners, 2], surface.vertices[corners, 1]).reshape(-1, 3)
@@ -111,6 +113,21 @@ def test_another_library_reads_shape_texture_and_frames(tmp_path: Path) -> None:
         assert np.abs(still).max() < 1e-9
         found = part.vertices + in_mm(moved)
         assert np.linalg.norm(found - bent(part.vertices), axis=1).mean() < 0.02
+
+
+def test_shading_has_no_seam_where_the_texture_has_one(tmp_path: Path) -> None:
+    skin, scan = tube(25, 20), tube(50, 40)
+    parts = read_textured(written_obj(tmp_path, scan))
+    assert sum(len(part.vertices) for part in parts) < 1.1 * len(scan.vertices)
+    write_scan_glb(tmp_path / "scan.glb", parts, frames(skin, skin.vertices))
+    document = pygltflib.GLTF2().load(str(tmp_path / "scan.glb"))
+    for mesh, part in zip(document.meshes, parts, strict=True):
+        normals = in_mm(values(document, mesh.primitives[0].attributes.NORMAL)) / 1e3
+        inner = (part.vertices[:, 0] > 2) & (part.vertices[:, 0] < LENGTH - 2)
+        halfway = np.abs(part.vertices[:, 0] - LENGTH / 2) < 2  # where one material ends
+        radial = part.vertices[:, 1:] / RADIUS
+        cosines = np.einsum("ni,ni->n", normals[:, 1:], radial)[inner & ~halfway]
+        assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 1.0
 
 
 def test_images_and_corners_of_the_source_survive(tmp_path: Path) -> None:

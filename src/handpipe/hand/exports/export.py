@@ -270,12 +270,16 @@ class GlbWriter:
         )
         self.colour(primitive, tissue(layer, body), shape, used)
         if cells.shape[1] == 3:
-            normals = to_gltf(1e3 * Surface(rest, local).vertex_normals())
+            surface = Surface(rest, local)
+            normals = to_gltf(1e3 * self.normals(surface, rest))
             primitive.attributes.NORMAL = self.accessor(normals, gltf.ARRAY_BUFFER)
             for target, x in zip(primitive.targets, moved, strict=True):
-                change = to_gltf(1e3 * Surface(x, local).vertex_normals()) - normals
-                target["NORMAL"] = self.accessor(change)
+                target["NORMAL"] = self.accessor(to_gltf(1e3 * self.normals(surface, x)) - normals)
         self._mesh(f"{layer}/{body}", primitive)
+
+    def normals(self, rest: Surface, vertices: Array) -> Array:
+        """Unit normals (n, 3) of a body, whose surface at rest is given, at its vertices in a frame."""
+        return rest.moved(vertices).vertex_normals()
 
     def _mesh(self, name: str, primitive: gltf.Primitive) -> None:
         document, node = self.document, len(self.document.nodes)

@@ -148,6 +148,13 @@ class _ScanWriter(GlbWriter):
 
     part: ScanPart
 
+    def normals(self, rest: Surface, vertices: Array) -> Array:
+        """As of any body; vertices at one place, on both sides of a seam of texture, have one normal."""
+        _, first, same = np.unique(rest.vertices, axis=0, return_index=True, return_inverse=True)
+        same = same.ravel()
+        welded = Surface(vertices[first], same[rest.triangles])
+        return np.asarray(welded.vertex_normals()[same])
+
     def colour(self, primitive: gltf.Primitive, look: str, shape: Shape, used: IntArray) -> None:
         """Give a primitive, made of some vertices of the part, its image or its colours."""
         part = self.part

@@ -130,4 +130,6 @@ def _part(path: str | Path, mesh: trimesh.Trimesh) -> ScanPart:
         image.load()
     except OSError as error:
         raise InputError(path, "texture", f"cannot be read ({error})", "Export the image again") from error
-    return ScanPart(vertices, triangles, np.array(places, np.float64), image)
+    # Some programs give each corner a place of its own, though most of them are equal.
+    both, same = np.unique(np.column_stack([vertices, places]), axis=0, return_inverse=True)
+    return ScanPart(both[:, :3], same.ravel()[triangles], both[:, 3:], image)
