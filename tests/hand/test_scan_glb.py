@@ -43,7 +43,7 @@ def frames(skin: Surface, *moved):
 
 
 def written_obj(folder: Path, surface: Surface) -> Path:
-    """An OBJ file of two materials, a seam of texture along the tube, and a place of its own for each corner."""
+    """An OBJ file of two materials, a seam of texture along the tube, a place for each corner."""
     rng = np.random.default_rng(0)
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("front", "back"):
