@@ -31,7 +31,11 @@ QUICK: dict[str, dict[str, object]] = {
     "separation": {"turns": (0.0,), "overlaps": ()},
     "seventeen": {"count": 2, "edge": 2.0, "muscles": 3},
     "comparisons": {"refinements": 0, "picture": None},
-    "standard": {"bodies": ("twist",), "methods": ("arap_volume", "bending", "elastic"), "image": None},
+    "standard": {
+        "bodies": ("twist",),
+        "methods": ("arap_volume", "bending", "primo", "elastic"),
+        "image": None,
+    },
     "density": {"counts": (4, 16), "refinement": 0, "image": None},
     "hard_cases": {"edge": 4.0, "cases": ("plain", "attachment-off-8")},
     "speed_against_error": {
