@@ -1,13 +1,13 @@
 """Coupled prisms on a surface (PriMo: Botsch, Pauly, Gross and Kobbelt 2006).
 
-Each triangle is extruded along the normals of its vertices to a prism that stays rigid. Prisms of neighbouring
-triangles share a face at rest. The energy is the sum over edges of w times the mean square of the gap between
-the two faces, w = |edge|^2 / (area + area) (Botsch 2006 Eq. 2 and 3). A vertex of the surface is the mean of
-what its prisms make of it; marked vertices are at known places.
+Each triangle is extruded along the normals of its vertices to a prism that stays rigid. Prisms of
+neighbouring triangles share a face at rest. The energy is the sum over edges of w times the mean square of
+the gap between the two faces, w = |edge|^2 / (area + area). A vertex of the surface is the mean of what its
+prisms make of it; marked vertices are at known places.
 
-Corners C (c, 3) of all prisms give the energy tr(C^T K C) with a constant K. Rotations follow steps of Newton,
-of Gauss and Newton (their global solver) where these are no descent; translations, in which the energy is
-quadratic, are solved exactly for any rotations.
+Corners C (c, 3) of all prisms give the energy tr(C^T K C) with a constant K. Rotations follow steps of
+Newton, or of Gauss and Newton as in Botsch 2006 where the second derivative is not positive; translations, in
+which the energy is quadratic, are solved exactly for any rotations.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Coupled prisms: energies of known gaps, least energies, and what they do to a strip and to rigid motions."""
+"""Coupled prisms: energies of known gaps, least energies, rigid motions and a strip that is rolled."""
 
 import numpy as np
 import pytest
