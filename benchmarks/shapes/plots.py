@@ -59,10 +59,10 @@ class Followed:
     @staticmethod
     def fit(mesh: TetMesh, marks: Array, attached: Pairs | None, known: Pairs | None) -> Followed:
         """All stages, as `fit_organ` without doubts."""
-        pairs = [None if p is None else p.attached(mesh) for p in (attached, known)]
-        given = Given(mesh, marks, *pairs, (), None, replace(SETTINGS, iterations=40))
+        first, second = (None if p is None else p.attached(mesh) for p in (attached, known))
+        given = Given(mesh, marks, first, second, (), None, replace(SETTINGS, iterations=40))
         task = OnMesh.of_template(given)
-        start = placed(mesh, [p for p in reversed(pairs) if p is not None], task.marks)
+        start = placed(mesh, [p for p in (second, first) if p is not None], task.marks)
         found = task.find("marks")
 
         def objective(state: State) -> float:
@@ -171,11 +171,15 @@ def draw(path: Path, figures: Figures, shapes: dict[str, dict[str, Array]]) -> N
 
 
 def _convergence(ax: Axes, figures: Figures, name: str, style: str, label: str) -> None:
-    steps = range(int(figures[f"plots_{name}_steps"]["value"]) + 1)
-    values = [figures[f"plots_{name}_objective_{k:02d}"]["value"] for k in steps]
+    steps = np.arange(_value(figures, f"plots_{name}_steps") + 1)
+    values = [_value(figures, f"plots_{name}_objective_{int(k):02d}") for k in steps]
     ax.plot(steps, values, style, label=label, markersize=3)
 
 
 def _histogram(ax: Axes, figures: Figures, key: str, limits: Array, style: str) -> None:
-    values = [figures[f"{key}_{k:02d}"]["value"] for k in range(len(limits) - 1)]
+    values = [_value(figures, f"{key}_{k:02d}") for k in range(len(limits) - 1)]
     ax.plot(np.repeat(limits, 2)[1:-1], np.repeat(values, 2), style)
+
+
+def _value(figures: Figures, key: str) -> float:
+    return cast("float", figures[key]["value"])
