@@ -21,7 +21,7 @@ OUTPUT = Path(__file__).parents[2] / "results" / "benchmarks" / "shapes.json"
 THREADS = 2
 PARTS = (
     "string", "known_strains", "solves", "organs", "separation", "seventeen", "comparisons", "standard",
-    "density", "hard_cases", "speed_against_error",
+    "density", "plots", "hard_cases", "speed_against_error",
 )  # fmt: skip
 QUICK: dict[str, dict[str, object]] = {
     "string": {"cells": 16, "picture": None},
@@ -31,8 +31,13 @@ QUICK: dict[str, dict[str, object]] = {
     "separation": {"turns": (0.0,), "overlaps": ()},
     "seventeen": {"count": 2, "edge": 2.0, "muscles": 3},
     "comparisons": {"refinements": 0, "picture": None},
-    "standard": {"bodies": ("twist",), "methods": ("arap_volume", "bending", "elastic"), "image": None},
+    "standard": {
+        "bodies": ("twist",),
+        "methods": ("arap_volume", "bending", "primo", "elastic"),
+        "image": None,
+    },
     "density": {"counts": (4, 16), "refinement": 0, "image": None},
+    "plots": {"edge": 4.0, "liver_edge": 30.0, "image": None},
     "hard_cases": {"edge": 4.0, "cases": ("plain", "attachment-off-8")},
     "speed_against_error": {
         "edges": (4.0, 3.2),

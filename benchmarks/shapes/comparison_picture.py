@@ -22,6 +22,7 @@ from handpipe.mesh.surfaces import Surface, concatenate
 LABELS = {
     "truth": "truth",
     "plastic": "plastic strains (ours)",
+    "plastic_attached": "plastic strains (ours), ends attached",
     "arap_volume": "as rigid as possible, volume",
     "arap_surface": "as rigid as possible, surface",
     "biharmonic_volume": "biharmonic, volume",
@@ -30,6 +31,7 @@ LABELS = {
     "bounded_biharmonic": "bounded biharmonic weights",
     "bending": "bending, rotations",
     "bending_incremental": "bending, incremental plasticity",
+    "primo": "coupled prisms (PriMo)",
     "elastic": "elastic",
     "elastic_incremental": "elastic, incremental plasticity",
     "transfer": "deformation transfer, elastic",

@@ -57,13 +57,16 @@ def unattached(edge: float = 4.05) -> Figures:
     """A liver, far away, that nothing holds, 424 marks and six landmarks."""
     mesh = liver(edge)
     wanted = grown_liver(mesh, FAR)
-    outer = mesh.boundary_vertices()
-    extremes = np.unique(
-        [outer[f(mesh.vertices[outer, c])] for c in range(3) for f in (np.argmin, np.argmax)]
-    )
-    landmarks = Pairs(mesh.vertices[extremes], wanted.vertices[extremes])
     points = scattered(wanted.boundary(), LIVER)
-    return _fitted("liver", mesh, wanted, points, None, landmarks, OrganSettings(iterations=40))
+    settings = OrganSettings(iterations=40)
+    return _fitted("liver", mesh, wanted, points, None, extremes(mesh, wanted), settings)
+
+
+def extremes(mesh: TetMesh, wanted: TetMesh) -> Pairs:
+    """Landmarks at the least and largest coordinates of the boundary."""
+    outer = mesh.boundary_vertices()
+    found = np.unique([outer[f(mesh.vertices[outer, c])] for c in range(3) for f in (np.argmin, np.argmax)])
+    return Pairs(mesh.vertices[found], wanted.vertices[found])
 
 
 def grown_liver(mesh: TetMesh, growth: float = 1.0) -> TetMesh:

@@ -1,5 +1,5 @@
 """Other ways to carry a template to marks: as-rigid-as-possible, biharmonic, bounded biharmonic, bending,
-elastic, deformation transfer, incremental plasticity, non-rigid ICP.
+coupled prisms, elastic, deformation transfer, incremental plasticity, non-rigid ICP.
 
 All are given what `fit_organ` is given, marked points and their true places, at settings that were found to
 suit them. Those on surfaces leave inner vertices where they were.
@@ -13,6 +13,7 @@ import trimesh
 
 from benchmarks.shapes.bending import Bending
 from benchmarks.shapes.comparison_bodies import Body
+from benchmarks.shapes.primo import Prisms
 from benchmarks.shapes.transfer import SmoothGradients
 from handpipe.core import Array, ConvergenceError, IntArray
 from handpipe.fem.contact import Attachment
@@ -29,6 +30,7 @@ STEPS = 4  # of the springs to their targets
 FIRM = 5e4  # mN/mm of springs against the stiff energy of deformation transfer
 INCREMENTS = 20  # of incremental plasticity
 BOUNDED = 20  # iterations of bounded biharmonic weights
+HEIGHT = 10.0  # mm of coupled prisms: low ones lose more volume, higher ones cross the axes of the bodies
 ROUNDS, SETTLED = 2000, 1e-5  # of as-rigid-as-possible; mm that a round still moves any vertex by
 
 
@@ -36,6 +38,13 @@ def plastic(body: Body) -> Array:
     """Ours."""
     attached, marked = body.pairs(body.attached), body.pairs(body.marked)
     observed = Observed(attachments=attached, landmarks=marked)
+    return fit_organ(body.mesh, observed, settings=SETTINGS).mesh.vertices
+
+
+def plastic_attached(body: Body) -> Array:
+    """Ours with all points attached, as Wang 2021 attaches both ends (§5.4): strains are for what an elastic
+    body under springs does not meet."""
+    observed = Observed(attachments=body.pairs(_points(body)))
     return fit_organ(body.mesh, observed, settings=SETTINGS).mesh.vertices
 
 
@@ -126,6 +135,13 @@ def bending_incremental(body: Body) -> Array:
     return part.whole(x)
 
 
+def primo(body: Body) -> Array:
+    """Coupled prisms on the surface (Botsch 2006), from the biharmonic shape."""
+    part = Part(body, body.mesh.boundary_faces()[0])
+    prisms = Prisms(part.x, part.cells, part.points, HEIGHT)
+    return part.whole(prisms.least(_harmonic(part), part.targets))
+
+
 def _points(body: Body) -> IntArray:
     return np.concatenate([body.attached, body.marked])
 
@@ -213,6 +229,7 @@ METHODS = {
     "bounded_biharmonic": bounded_biharmonic,
     "bending": bending,
     "bending_incremental": bending_incremental,
+    "primo": primo,
     "elastic": elastic,
     "elastic_incremental": elastic_incremental,
     "transfer": transfer,

@@ -14,13 +14,15 @@ from benchmarks.shapes.bodies import surface_errors
 from benchmarks.shapes.comparison_bodies import Body
 from benchmarks.shapes.comparison_picture import LABELS, camera_of, picture
 from benchmarks.shapes.comparisons import shape_by
-from benchmarks.shapes.other_methods import METHODS
+from benchmarks.shapes.other_methods import METHODS, plastic_attached
 from benchmarks.shapes.standard_bodies import STANDARD, arms
 from handpipe.core import Array, atomic
 from handpipe.mesh.surfaces import Surface
 
 PICTURE = Path(__file__).parents[2] / "docs" / "figures" / "shapes-standard.png"
+HERE = METHODS | {"plastic_attached": plastic_attached}
 SHOWN = (
+    "plastic_attached",
     "plastic",
     "arap_volume",
     "arap_surface",
@@ -28,6 +30,7 @@ SHOWN = (
     "biharmonic_surface",
     "bending",
     "bending_incremental",
+    "primo",
     "elastic",
     "elastic_incremental",
     "transfer",
@@ -36,6 +39,7 @@ UNITS = {
     "surface_mean": "mm",
     "surface_max": "mm",
     "normals_max": "deg",
+    "marks_max": "mm",
     "volume": "%",
     "arms": "%",
     "seconds": "s",
@@ -47,7 +51,8 @@ def measures(name: str, body: Body, x: Array) -> dict[str, float]:
     true shape."""
     found = body.mesh.moved(x)
     volume = found.boundary().volume() / body.mesh.boundary().volume()
-    out = {"volume": 100 * (volume - 1)}
+    marks = np.linalg.norm((x - body.truth)[body.marked], axis=1)
+    out = {"volume": 100 * (volume - 1), "marks_max": float(marks.max())}
     if name == "cactus":
         return out | {"arms": 100 * _stretch(body, x)}
     errors = surface_errors(found, body.wanted)
@@ -80,7 +85,7 @@ def measure(
         shapes[name] = {}
         for method in methods:
             key = f"standard_{name}_{method}_"
-            found = shape_by(METHODS[method], body, method)
+            found = shape_by(HERE[method], body, method)
             if isinstance(found, str):
                 out |= {key + m: figure(None, unit, found) for m, unit in UNITS.items()}
                 continue

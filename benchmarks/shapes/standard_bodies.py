@@ -34,9 +34,9 @@ def bump() -> Body:
     return _body(mesh, truth, out >= RISE[1], out <= RISE[0])
 
 
-def cylinder() -> Body:
+def cylinder(rings: int = 3, layers: int = 24) -> Body:
     """A cylinder of 60 mm, bent by 120 degrees."""
-    places, tets = rod(3, 24)
+    places, tets = rod(rings, layers)
     mesh = TetMesh(places * [LONG, RADIUS, RADIUS], tets)
     return _ends(mesh, _bent(mesh.vertices, BEND))
 

@@ -7,11 +7,13 @@ from benchmarks.shapes import density, other_methods, standard
 from benchmarks.shapes.bending import Bending
 from benchmarks.shapes.comparison_bodies import BODIES, Body, rod
 from benchmarks.shapes.other_methods import METHODS
-from benchmarks.shapes.standard_bodies import ARM, LONG, STANDARD, THICK, arms
+from benchmarks.shapes.standard_bodies import ARM, LONG, STANDARD, THICK, arms, cylinder
 from benchmarks.shapes.transfer import SmoothGradients
 from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.organs import Observed, fit_organ
 
 
 def ball() -> tuple[np.ndarray, np.ndarray]:
@@ -120,6 +122,17 @@ def test_the_middle_line_of_the_bent_cylinder_keeps_its_length() -> None:
     middle = (np.abs(body.mesh.vertices[:, 1:]) < 1e-9).all(axis=1)
     line = body.truth[middle][np.argsort(body.mesh.vertices[middle, 0])]
     assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(LONG, rel=0.01)
+
+
+def test_only_the_wrong_attachment_of_a_bent_cylinder_is_left_out() -> None:
+    """Of two ends that are attached all over, the fit that checks them begins far away."""
+    body = cylinder(2, 12)
+    points = np.concatenate([body.attached, body.marked])
+    targets = body.truth[points].copy()
+    targets[5] += [0.0, -12.0, 12.0]
+    fit = fit_organ(body.mesh, Observed(attachments=Pairs(body.mesh.vertices[points], targets)))
+    assert np.flatnonzero(fit.doubtful).tolist() == [5]
+    assert np.linalg.norm(fit.mesh.vertices - body.truth, axis=1)[points].max() < 0.2
 
 
 def test_arms_of_the_cactus() -> None:

@@ -169,17 +169,27 @@ class _Examination:
 
         These errors also exceed the distance of the nearest other point from where they should be: that is
         what displacements may differ by where strains are of order one. Suspects had no part in the fit, and
-        have none in the predictions of others.
+        have none in the predictions of others until they are found plausible: those next to trusted points
+        come first, so that a whole end of suspects is reached from its neighbours.
         """
         found, trusted = self.suspects.copy(), np.flatnonzero(~self.suspects)
-        errors = np.linalg.norm(self._offsets(trusted, self.suspects), axis=1)
-        for suspect in np.flatnonzero(found):
-            others = found.copy()
-            others[suspect] = False
-            offset = self._offsets(np.array([suspect]), others)[0]
-            room = self._distance(self.attached.targets[suspect] - offset, self.attached.targets[trusted])
-            found[suspect] = np.linalg.norm(offset) > max(robust.TUKEY * self._usual(errors), room)
+        most = robust.TUKEY * self._usual(np.linalg.norm(self._offsets(trusted, self.suspects), axis=1))
+        while found.any():
+            suspects = np.flatnonzero(found)
+            cleared = [suspect for suspect in suspects if self._plausible(int(suspect), found, most)]
+            if not cleared:
+                break
+            found[cleared] = False
         return found
+
+    def _plausible(self, suspect: int, excluded: BoolArray, most: float) -> bool:
+        """Whether an attachment is about where all others but the excluded ones (t,) predict it."""
+        others = excluded.copy()
+        others[suspect] = False
+        offset = self._offsets(np.array([suspect]), others)[0]
+        near = self.attached.targets[~excluded]
+        room = self._distance(self.attached.targets[suspect] - offset, near)
+        return bool(np.linalg.norm(offset) <= max(most, room))
 
     def _offsets(self, asked: IntArray, excluded: BoolArray) -> Array:
         """Offsets (k, 3) of attachments as all points but the excluded attachments (t,) predict them."""
