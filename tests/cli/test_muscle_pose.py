@@ -145,7 +145,7 @@ def test_what_is_wrong_is_one_message(session: CurveSession, asked: dict[str, ob
     with pytest.raises(InputError) as error:
         start(session, **asked)
     assert said in str(error.value) and "\n" not in str(error.value)
-    assert session.pose_state() == {"state": "rest"} or session.pose_state()["state"] != "running"
+    assert session.pose_state()["state"] != "running"
 
 
 def test_a_pose_needs_tets_and_an_object(tmp_path: Path) -> None:

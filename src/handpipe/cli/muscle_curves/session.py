@@ -288,7 +288,8 @@ class CurveSession:
                 write_surface(path, surface)
             write_text(made / "pose.json", json.dumps(figures, indent=1) + "\n")
         notes = "".join(f". {note[0].upper()}{note[1:]}" for note in limb.notes)
-        return f"Simulated. Skin, bones and muscles are in {folder}{notes}"
+        solved = f"Simulated in {bend.steps} steps, residual {limb.residual:.1e} mN"
+        return f"{solved}. Skin, bones and muscles are in {folder}{notes}"
 
     def _dropped(self, content: Any) -> Any:
         """The content with each drop as a place on a bone."""
