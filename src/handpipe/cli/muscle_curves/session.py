@@ -189,7 +189,8 @@ class CurveSession:
         return pack({}, {"lines": np.stack([middles - half, middles + half], axis=1).astype("f4")})
 
     def joints(self) -> dict[str, Any]:
-        """What the page shows of each joint, by the bone that moves."""
+        """What the page shows of each joint, by the bone that moves: first where most bones move."""
+        joints = sorted(self._joints().items(), key=lambda item: -len(item[1].moving))
         return {
             bone: {
                 "parent": joint.parent,
@@ -197,7 +198,7 @@ class CurveSession:
                 "centre": joint.centre.round(1).tolist(),
                 "axes": {name: axis.tolist() for name, axis in joint.axes.items()},
             }
-            for bone, joint in self._joints().items()
+            for bone, joint in joints
         }
 
     def start_pose(self, content: bytes) -> str:
