@@ -27,7 +27,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "skeleton": ("mesh", "fem", "imaging"),
     "shapes": ("mesh", "fem", "imaging"),
     **dict.fromkeys(TISSUES, ("mesh", "fem", "imaging", "skeleton", "shapes")),
-    "anatomy": ("mesh", "imaging", "tissues.muscles"),
+    "anatomy": ("mesh", "fem", "imaging", "skeleton", "tissues.muscles"),
     "hand": ("mesh", "fem", "imaging", "skeleton", "shapes", "anatomy", *TISSUES),
     "levels": ("mesh", "fem", "skeleton", *TISSUES, "hand"),
     "synthetic.continuum": ("mesh", "fem"),

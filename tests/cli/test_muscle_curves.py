@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError
@@ -49,7 +50,14 @@ def served(opened: CurveSession, tmp_path: Path) -> Iterator[CurveServer]:
     opened.target, opened.kept = tmp_path / "arm.yaml", None
     opened.target.write_text(THREE_MUSCLES, encoding="utf-8")
     opened.edit(json.dumps(content()).encode())
-    with CurveServer(opened) as server:
+    with served_in_a_thread(CurveServer(opened)) as server:
+        yield server
+
+
+@contextmanager
+def served_in_a_thread(server: CurveServer) -> Iterator[CurveServer]:
+    """A server that answers until it is closed."""
+    with server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server

@@ -7,11 +7,12 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core.rigid import RigidTransform
 from handpipe.fem.solver.equilibrium import Options
+from handpipe.mesh.contact.gliding_surfaces import gliding
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.continuum.surfaces import bone_faces
 from handpipe.synthetic.coupled.coupled_body import CoupledBody
 from handpipe.synthetic.coupled.follow import follow
-from handpipe.synthetic.coupled.joint_spaces import gliding, opened
+from handpipe.synthetic.coupled.joint_spaces import opened
 from handpipe.synthetic.coupled.validation import patch_test
 
 BENT = np.radians(80.0)

@@ -21,16 +21,9 @@ from handpipe.anatomy.placing import (
     write_bone_file,
 )
 from handpipe.anatomy.shipped import HAND
+from handpipe.cli.muscle_curves.given import each_with, given_json, given_vector
 from handpipe.cli.muscle_curves.packing import pack
-from handpipe.cli.muscle_curves.session import (
-    copied_beside,
-    curves_command,
-    each_with,
-    given_json,
-    given_vector,
-    require_yaml,
-    surface_arrays,
-)
+from handpipe.cli.muscle_curves.session import copied_beside, curves_command, require_yaml, surface_arrays
 from handpipe.cli.own_files import written_anew
 from handpipe.core import InputError
 from handpipe.core.configuration import checked

@@ -29,6 +29,11 @@ class CurveServer(LocalServer):
         super().__init__(_CurveHandler, "curves")
         self.session = session
 
+    def server_close(self) -> None:
+        """Close the server, and end a solve that runs."""
+        super().server_close()
+        self.session.back_to_rest()
+
 
 def serve(session: CurveSession, browser: bool) -> None:
     """Serve the page until the person ends it, by its button or by Ctrl-C.
@@ -129,18 +134,34 @@ class _CurveHandler(_SessionHandler):
 
     server: CurveServer
     page = "page.html"
-    static = {"page.js": ("page.js", SCRIPT), **COMMON}
+    static = {"page.js": ("page.js", SCRIPT), "pose.js": ("pose.js", SCRIPT), **COMMON}
 
     def give(self, name: str) -> bool:
-        if name != "fibres":
+        session = self.server.session
+        if name == "fibres":
+            self.work(lambda: self.answer(session.fibres(), BYTES))
+        elif name == "joints.json":
+            self.work(lambda: self.answer(json.dumps(session.joints()).encode(), JSON))
+        elif name == "pose.json":  # while another request works, too
+            self.answer(json.dumps(session.pose_state()).encode(), JSON)
+        elif name == "posed":
+            self.work(lambda: self.answer(session.posed(), BYTES))
+        else:
             return super().give(name)
-        self.work(lambda: self.answer(self.server.session.fibres(), BYTES))
         return True
 
     def take(self, name: str) -> bool:
-        if name != "tets":
+        session = self.server.session
+        if name == "tets":
+            self.work(lambda: self.say(session.make_tets()))
+        elif name == "pose":
+            content = self.received(LONGEST)
+            if content is not None:
+                self.work(lambda: self.say(session.start_pose(content)))
+        elif name == "rest":
+            self.work(lambda: self.say(session.back_to_rest()))
+        else:
             return super().take(name)
-        self.work(lambda: self.say(self.server.session.make_tets()))
         return True
 
 

@@ -7,7 +7,8 @@ import math
 import shlex
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from handpipe.anatomy.bending import BentLimb, ProposedJoint, propose_joints
 from handpipe.anatomy.editing import (
     CurveEditor,
     Draft,
@@ -28,11 +30,19 @@ from handpipe.anatomy.editing import (
     write_curves,
 )
 from handpipe.anatomy.templates import Domain, TissueMesh, build_tissue_mesh
+from handpipe.cli.muscle_curves.asked_pose import AskedPose, asked_pose
+from handpipe.cli.muscle_curves.given import each_with, given_json, given_vector
 from handpipe.cli.muscle_curves.packing import pack
-from handpipe.core import Array, InputError, evenly
+from handpipe.cli.muscle_curves.pose_run import PoseRun, Solve
+from handpipe.cli.own_files import written_anew
+from handpipe.core import InputError, evenly, write_text
 from handpipe.core.configuration import Name, checked
+from handpipe.fem.elements import Material
 from handpipe.fem.linear import factorise
-from handpipe.mesh.surfaces import SURFACE_SUFFIXES, Surface, read_surface
+from handpipe.mesh.surfaces import SURFACE_SUFFIXES, Surface, read_surface, write_surface
+from handpipe.shapes.optimisation import MUSCLE
+from handpipe.tissues.fat import TissueSettings
+from handpipe.tissues.ligaments import LIGAMENT
 
 TETS = 60_000  # of the domain, about, where no edge length is given
 FIBRES = 1500  # lines of fibres that are drawn, at most
@@ -65,6 +75,8 @@ class CurveSession:
         self.draft = load_draft(target) if target.is_file() else Draft.model_validate({})
         self.kept: Path | None = None
         self.tissue: TissueMesh | None = None
+        self._made_of: Draft | None = None  # curves of which the tissue was made
+        self._run: PoseRun | None = None
         self.domain = Domain.between(skin, bones, edge_length or _edge_length(skin, bones))
         self._editor = CurveEditor(self.domain, skin, bones, factorise=factorise, source=target)
         self.edited = self._editor.edit(self.draft)
@@ -104,7 +116,10 @@ class CurveSession:
         """
         start = time.perf_counter()
         draft = checked(self.target, self._dropped(given_json(self.target, content)), Draft)
-        self.edited, self.draft = self._editor.edit(draft), draft
+        edited = self._editor.edit(draft)
+        if draft != self.draft:
+            self.back_to_rest()
+        self.edited, self.draft = edited, draft
         return self.state(time.perf_counter() - start)
 
     def state(self, seconds: float = 0.0) -> bytes:
@@ -146,6 +161,7 @@ class CurveSession:
         InputError
             The first fault of the curves, and as `build_tissue_mesh` does.
         """
+        self.back_to_rest()
         require_faultless(self.edited)
         if not self.draft.muscles:
             raise InputError(self.target, "muscles", "there is none", "Draw a muscle first")
@@ -154,7 +170,7 @@ class CurveSession:
         )
         path = self.target.with_suffix(".h5")
         tissue.save(path)
-        self.tissue = tissue
+        self.tissue, self._made_of = tissue, self.draft
         volumes = dict(zip(tissue.names, tissue.volumes(), strict=True))
         said = ", ".join(f"{name} {volume / 1000:.1f} ml" for name, volume in volumes.items())
         warnings = "".join(f". {text}" for text in tissue.warnings)
@@ -171,6 +187,110 @@ class CurveSession:
         middles = mesh.vertices[mesh.tets[shown]].mean(axis=1)
         half = mesh.edge_length() * self.tissue.fibres[shown]
         return pack({}, {"lines": np.stack([middles - half, middles + half], axis=1).astype("f4")})
+
+    def joints(self) -> dict[str, Any]:
+        """What the page shows of each joint, by the bone that moves: first where most bones move."""
+        joints = sorted(self._joints().items(), key=lambda item: -len(item[1].moving))
+        return {
+            bone: {
+                "parent": joint.parent,
+                "moving": list(joint.moving),
+                "centre": joint.centre.round(1).tolist(),
+                "axes": {name: axis.tolist() for name, axis in joint.axes.items()},
+            }
+            for bone, joint in joints
+        }
+
+    def start_pose(self, content: bytes) -> str:
+        """Begin to solve a pose of the last tets, in a process of its own. Returns a sentence.
+
+        Parameters
+        ----------
+        content : bytes
+            JSON as `asked_pose` reads it.
+
+        Raises
+        ------
+        InputError
+            For a wrong field, and where there are no tets of these curves.
+        """
+        if self.tissue is None or self._made_of != self.draft:
+            problem = "there are no tets of these curves"
+            raise InputError(self.target, "pose", problem, "Press Make tets, then simulate")
+        tissue = self.tissue
+        asked = asked_pose(self.target, content, self._joints(), tissue.names[1:])
+        self.back_to_rest()
+        solve = Solve(tissue, self.bones, self._materials(tissue), asked)
+        self._run = PoseRun(solve, lambda limb: self._write_pose(tissue, asked, limb))
+        return f"Simulating {len(tissue.labels)} tets in {asked.bend.steps} steps"
+
+    def pose_state(self) -> dict[str, Any]:
+        """What `PoseRun.state` says of the last solve; `state` is "rest" if there is none."""
+        run = self._run
+        return {"state": "rest"} if run is None else run.state()
+
+    def posed(self) -> bytes:
+        """Skin, bones and muscles in the simulated pose, packed.
+
+        Raises
+        ------
+        InputError
+            Where there is none.
+        """
+        run = self._run
+        if run is None or run.limb is None or self.tissue is None:
+            raise InputError(self.target, "pose", "has not been simulated", "Press Simulate")
+        return pack({}, surface_arrays(self._posed_surfaces(self.tissue, run.limb)))
+
+    def back_to_rest(self) -> str:
+        """Discard the pose, and end its solve. Returns a sentence."""
+        run, self._run = self._run, None
+        if run is not None:
+            run.stop()
+        return "At rest"
+
+    def _joints(self) -> dict[str, ProposedJoint]:
+        return propose_joints(self.bones, np.array(self.draft.distal))
+
+    def _materials(self, tissue: TissueMesh) -> dict[str, Material]:
+        """The layers' materials (Zheng 2022 Table 2), of each tissue."""
+        fat = TissueSettings()
+        organs = {n: LIGAMENT if n in self.draft.ligaments else MUSCLE for n in tissue.names[1:]}
+        return {tissue.names[0]: Material(fat.young, fat.poisson), **organs}
+
+    def _posed_surfaces(self, tissue: TissueMesh, limb: BentLimb) -> dict[str, Surface]:
+        """Skin, `bone/NAME` and `muscle/NAME` in a pose.
+
+        The skin's given vertices are the mesh's first ones.
+        """
+        moved = replace(tissue, mesh=limb.mesh)
+        found = {"skin": self.skin.moved(limb.mesh.vertices[: len(self.skin.vertices)])}
+        found |= {f"bone/{n}": b.moved(limb.bones[n](b.vertices)) for n, b in self.bones.items()}
+        return found | {f"muscle/{name}": moved.surface(name) for name in tissue.names[1:]}
+
+    def _write_pose(self, tissue: TissueMesh, asked: AskedPose, limb: BentLimb) -> str:
+        """Write the surfaces and what was simulated in a folder beside the file. Returns a sentence."""
+        folder = self.target.with_name(f"{self.target.stem}-pose-{asked.name}")
+        bend = asked.bend
+        figures = {
+            "moving": list(bend.moving),
+            "centre_mm": bend.centre.tolist(),
+            "axis": bend.axis.tolist(),
+            "angle_deg": math.degrees(bend.angle),
+            "shortening": dict(bend.shortening),
+            "tets": len(tissue.labels),
+            "residual_mN": limb.residual,
+            "notes": list(limb.notes),
+        }
+        with written_anew(folder, "handpipe curves") as made:
+            for name, surface in self._posed_surfaces(tissue, limb).items():
+                path = made / f"{name}.ply"
+                path.parent.mkdir(exist_ok=True)
+                write_surface(path, surface)
+            write_text(made / "pose.json", json.dumps(figures, indent=1) + "\n")
+        notes = "".join(f". {note[0].upper()}{note[1:]}" for note in limb.notes)
+        solved = f"Simulated in {bend.steps} steps, residual {limb.residual:.1e} mN"
+        return f"{solved}. Skin, bones and muscles are in {folder}{notes}"
 
     def _dropped(self, content: Any) -> Any:
         """The content with each drop as a place on a bone."""
@@ -252,36 +372,6 @@ def require_yaml(target: Path) -> None:
     """Raise `InputError` for a name that is not of a YAML file."""
     if target.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(target, "file", "is no YAML file", "Name a file .yaml; it need not exist yet")
-
-
-def given_json(target: Path, content: bytes) -> Any:
-    """What a page sent as its content."""
-    try:
-        return json.loads(content)
-    except ValueError as error:
-        raise InputError(target, "edit", "is no JSON", "Load the page again") from error
-
-
-def given_vector(target: Path, field: str, given: Any) -> Array:
-    """Three finite numbers (3,) that a page sent."""
-    try:
-        vector = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        vector = np.zeros(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(target, field, f"{given} is no point", "Load the page again")
-    return vector
-
-
-def each_with(key: str, content: Any, replaced: Callable[[Mapping[str, Any]], Any]) -> Any:
-    """JSON in which every object that has a key is replaced."""
-    if isinstance(content, list):
-        return [each_with(key, x, replaced) for x in content]
-    if not isinstance(content, dict):
-        return content
-    if key in content:
-        return replaced(content)
-    return {name: each_with(key, value, replaced) for name, value in content.items()}
 
 
 def _bone_files(given: Path) -> list[Path]:

@@ -7,7 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.skeleton.rig.anatomical_directions import HandDirections, hand_directions, middle_finger
     from handpipe.skeleton.rig.pivots import pivoted
-    from handpipe.skeleton.rig.rig import ANY_ANGLE, Rig
+    from handpipe.skeleton.rig.rig import ANY_ANGLE, Rig, joint_point
     from handpipe.skeleton.rig.stated import StatedJoint, stated_rig
     from handpipe.skeleton.rig.table import joint_table
 else:
@@ -19,6 +19,7 @@ __all__ = [
     "Rig",
     "StatedJoint",
     "hand_directions",
+    "joint_point",
     "joint_table",
     "middle_finger",
     "pivoted",

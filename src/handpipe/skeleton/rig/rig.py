@@ -198,7 +198,18 @@ def _warn_of_joint(joint: RigJoint, poses: int) -> None:
 
 
 def joint_point(parent: Surface, child: Surface) -> Array:
-    """A point (3,) in mm in the gap between two bones, amid where the child comes nearest the parent."""
+    """A point in the gap between two bones, amid where the child comes nearest the parent.
+
+    Parameters
+    ----------
+    parent, child : Surface
+        Bones in mm, apart from one another.
+
+    Returns
+    -------
+    array (3,)
+        Point in mm.
+    """
     distances, _, closest = Distance(parent).closest(child.vertices)
     near = distances <= np.quantile(distances, END)
     return (child.vertices[near].mean(axis=0) + closest[near].mean(axis=0)) / 2

@@ -2,40 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from handpipe.core import Array, BoolArray, IntArray, RigidTransform
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.core import BoolArray, IntArray
 from handpipe.mesh.tets import tet_neighbours
 from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy
-
-
-def gliding(
-    vertices: Array,
-    bones: Mapping[str, IntArray],
-    surfaces: Mapping[str, Surface],
-    joints: Iterable[tuple[str, str]],
-    motions: Sequence[Mapping[str, RigidTransform]],
-    reach: float,
-) -> BoolArray:
-    """Which vertices (n,) on bones another bone of their joint passes within `reach` mm, in any position.
-
-    `joints` are pairs of bones, `surfaces` the bones at rest, `motions` their positions.
-    """
-    distances = {name: Distance(surface) for name, surface in surfaces.items()}
-    passed = np.zeros(len(vertices), dtype=bool)
-    for pair in joints:
-        for one, other in (pair, pair[::-1]):
-            on = bones[one]
-            for at in motions:
-                seen = at[other].inverse()(at[one](vertices[on]))
-                passed[on] |= distances[other].closest(seen)[0] < reach
-    return passed
 
 
 def opened(anatomy: CoupledAnatomy, passed: BoolArray) -> CoupledAnatomy:

@@ -11,6 +11,7 @@ from handpipe.anatomy.person import SubjectTemplate, TemplateMuscle
 from handpipe.anatomy.templates import TissueMesh
 from handpipe.core import Array, RigidTransform
 from handpipe.fem.elements import Material
+from handpipe.mesh.contact import gliding
 from handpipe.mesh.surfaces import Distance, Surface, arclength, resample
 from handpipe.synthetic.continuum.surfaces import outer_faces
 from handpipe.synthetic.coupled.coupled_body import (
@@ -20,7 +21,7 @@ from handpipe.synthetic.coupled.coupled_body import (
     SkinContact,
     TendonStrand,
 )
-from handpipe.synthetic.coupled.joint_spaces import gliding, opened
+from handpipe.synthetic.coupled.joint_spaces import opened
 
 Bones = Mapping[str, RigidTransform]
 

@@ -6,7 +6,8 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.tissues.ligaments import fitting
+    from handpipe.tissues.ligaments.layer import LIGAMENT
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["fitting"]
+__all__ = ["LIGAMENT", "fitting"]

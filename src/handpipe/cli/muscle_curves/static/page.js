@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import { Space, looks, meshesOf } from "space";
 import { BONE, element, endPage, geometryOf, isStill, list, listenToKeys, listenToSkin, openPage, pixelsOf, put, say, skinOf } from "./view.js";
+import { Pose } from "./pose.js";
 import { Editor, anyNormal, get, inSpace, newAttachment, newCurve, onBone, pointsAt, post } from "./editor.js";
 
 const POINT = 0.012; // radius of a point, over that of the skin
@@ -26,6 +27,7 @@ class Page {
     this.space.scene.add(this.drawn);
     this.addStatics(statics);
     this.editor = new Editor((state, asked) => this.show(state, asked), (text) => { say(text, true); this.fill(); });
+    this.pose = new Pose(this, colour);
     this.bind();
     this.listen();
   }
@@ -50,11 +52,13 @@ class Page {
     this.state = state;
     if (element("said").classList.contains("wrong")) say(""); // of an edit that is past
     this.fibres = undefined; // those of tets that are made of other curves
+    this.pose.leave(); // as the server has done, where anything has changed
     const names = Object.keys(state.content.muscles ?? {});
     if (!names.includes(this.chosen?.muscle)) this.chosen = names.length ? { muscle: names[0] } : undefined;
     if (this.chosen?.kind && !pointsAt(state.content, this.chosen)?.[this.chosen.point]) this.chosen = { muscle: this.chosen.muscle };
     this.rebuild();
     this.fill();
+    this.pose.fill();
     this.draw(() => {
       this.latencies.push(performance.now() - asked);
       const last = state.seconds && ` The last edit took ${state.seconds.toFixed(2)} s, and ${(this.latencies.at(-1) / 1000).toFixed(2)} s until it was drawn.`;
@@ -113,6 +117,14 @@ class Page {
     this.drawn.add(mesh);
   }
 
+  /** Shows or hides what is drawn at rest. */
+  showRest(shown) {
+    this.drawn.visible = shown;
+    for (const mesh of this.bones) mesh.visible = shown && element("show-bones").checked;
+    for (const mesh of this.skin) mesh.visible = shown && Number(element("skin").value) > 0;
+    this.draw();
+  }
+
   /** One frame, however many changes there are until it is drawn; then what is to be done after it. */
   draw(after) {
     if (after) (this.afterwards ??= []).push(after);
@@ -145,7 +157,7 @@ class Page {
     document.activeElement?.blur(); // what was written counts for the point that was chosen
     if (event.button !== 0) return;
     this.pressed = [event.clientX, event.clientY];
-    const found = this.wanted ? undefined : this.pointAt(event);
+    const found = this.wanted || this.pose.posed ? undefined : this.pointAt(event);
     if (!found) return;
     this.choose(found.id);
     this.space.controls.enabled = false;
@@ -176,6 +188,7 @@ class Page {
     if (this.drag) { this.drop(); return; }
     if (!click) return;
     if (this.wanted) { this.give(event); return; }
+    if (this.pose.posed) return;
     const [hit] = this.space.rayAt(event).intersectObjects(this.muscles, false);
     if (hit && hit.object.userData.muscle !== this.chosen?.muscle) this.choose({ muscle: hit.object.userData.muscle });
   }
@@ -203,6 +216,7 @@ class Page {
 
   /** Asks for places on bones: the next clicks. */
   ask(wanted) {
+    if (wanted && this.pose.posed) this.pose.leave();
     this.wanted = wanted && { ...wanted, places: [] };
     say(wanted ? wanted.words[0] : "");
   }
@@ -323,10 +337,10 @@ class Page {
     on("save", "click", () => this.request("save", "Saving"));
     on("tets", "click", () => this.request("tets", "Making tets, which takes some seconds to minutes"));
     on("end", "click", () => endPage(this.editor));
-    on("show-bones", "change", ({ checked }) => { for (const mesh of this.bones) mesh.visible = checked; this.draw(); });
-    on("show-muscles", "change", () => { this.rebuild(); this.draw(); });
-    on("opacity", "input", () => { this.rebuild(); this.draw(); });
-    listenToSkin(this.skin, () => this.draw());
+    on("show-bones", "change", () => this.pose.rebuild());
+    on("show-muscles", "change", () => { this.rebuild(); this.pose.rebuild(); });
+    on("opacity", "input", () => { this.rebuild(); this.pose.rebuild(); });
+    listenToSkin(this.skin, () => this.pose.rebuild());
     number("fat", (value) => this.editor.change((content) => { content.fat = value; }));
     number("reach", (value) => this.muscle((muscle) => { muscle.reach = value; }));
     for (const id of ["volume", "edge_length"]) {
@@ -371,6 +385,7 @@ class Page {
 
   async request(name, words) {
     await this.editor.running;
+    if (name === "tets") this.pose.leave();
     say(words);
     for (const id of ["save", "tets"]) element(id).disabled = true;
     try {

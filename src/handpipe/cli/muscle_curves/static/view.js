@@ -6,7 +6,7 @@ import { get, post } from "./editor.js";
 
 const VIEWS = { front: [0, 0, 1, 0, 1, 0], back: [0, 0, -1, 0, 1, 0], right: [0, 1, 0, 0, 0, 1], left: [0, -1, 0, 0, 0, 1], end: [1, 0, 0, 0, 0, 1] };
 const STILL = 4; // pixels that a pointer may move in a click
-const SKIN = [0.9, 0.72, 0.62];
+export const SKIN = [0.9, 0.72, 0.62];
 export const BONE = [0.93, 0.9, 0.82];
 
 export const element = (id) => document.getElementById(id);
