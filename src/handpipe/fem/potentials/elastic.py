@@ -102,9 +102,14 @@ class Elastic:
             setattr(other, name, getattr(self, name)[ids])
         other.vertices, other._order = self.vertices[kept], np.arange(len(ids))
         other.tets = np.searchsorted(kept, self._body.tets[mine])
-        shares = (getattr(self._body, name)[mine] for name in ("gradients", "weights"))
-        moduli = (getattr(self._body, name)[mine] for name in ("mu", "lam"))
-        other._body = ElementArrays(other.tets, *shares, self._body.model, *moduli)
+        body = self._body
+        other._body = body._replace(
+            tets=other.tets,
+            gradients=body.gradients[mine],
+            weights=body.weights[mine],
+            mu=body.mu[mine],
+            lam=body.lam[mine],
+        )
         other.pattern = Pattern.of_cells(other.tets, len(kept))
         other._partition = Partition.of_cells(other.tets, other.vertices, 1)
         return other

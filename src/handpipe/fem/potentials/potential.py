@@ -21,7 +21,8 @@ class Potential(Protocol):
 
     A potential may also offer `max_step(x, step) -> float`, the largest fraction in (0, 1] of a displacement
     that it allows, and `refresh(x) -> None`, called between Newton steps, where it may update what it keeps
-    constant within a step. With `near(moving, kept) -> Potential | None` it gives what depends on a few vertices (see `Sum.near`).
+    constant within a step. With `near(moving, kept) -> Potential | None` it gives what depends on a few
+    vertices (see `Sum.near`).
     """
 
     def value(self, x: Array) -> float:
