@@ -49,6 +49,7 @@ class Attachment(PointPotential):
     """
 
     quadratic = True
+    each = ("targets", "stiffness")
 
     def __init__(self, operator: Operator, targets: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
@@ -99,6 +100,7 @@ class Sliding(PointPotential):
     """
 
     quadratic = True
+    each = ("origins", "normals", "stiffness")
 
     def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
@@ -236,6 +238,7 @@ class SurfaceContact(PointPotential):
 
     one_sided = True
     far = 0.25  # mm beyond the thickness
+    each = ("stiffness",)
 
     def __init__(
         self,
@@ -284,6 +287,13 @@ class SurfaceContact(PointPotential):
             (int(a) + at, d) for a, c in zip(starts[:-1], constraints, strict=True) for at, d in c._parts
         ]
         return [one]
+
+    def _chosen(self, ids: IntArray, operator: sp.csr_matrix) -> Self:
+        other = super()._chosen(ids, operator)
+        starts = np.searchsorted(ids, [start for start, _ in self._parts])
+        other._parts = [(int(at), distance) for at, (_, distance) in zip(starts, self._parts, strict=True)]
+        other._last = None
+        return other
 
     def _query(self, points: Array) -> tuple[Array, Array, Array]:
         """Signed distances (k,), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""

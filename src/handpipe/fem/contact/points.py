@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Self
+
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike
 
-from handpipe.core import Array, BoolArray, InputError, Int32Array
+from handpipe.core import Array, BoolArray, InputError, Int32Array, IntArray
 from handpipe.fem.patterns.assembly import Pattern
 
 
@@ -23,6 +26,7 @@ class PointPotential:
     """
 
     quadratic = False  # whether the Hessian does not depend on x
+    each: tuple[str, ...] | None = None  # names of the arrays with a row a point; None: points are not chosen
 
     def __init__(self, operator: sp.spmatrix | sp.sparray) -> None:
         self.operator = sp.csr_matrix(operator)
@@ -75,6 +79,21 @@ class PointPotential:
     def reached(self) -> BoolArray:
         """Mask (n,) of the vertices that carry points."""
         return np.bincount(self.operator.indices, minlength=self.operator.shape[1]) > 0
+
+    def near(self, moving: BoolArray, kept: IntArray) -> Self | None:
+        """The energy of the points that the vertices of a mask (n,) carry, as `Sum.near` says."""
+        if self.each is None:
+            return None
+        carried = np.flatnonzero(abs(self.operator) @ moving.astype(float))
+        return self._chosen(carried, self.operator[carried][:, kept])
+
+    def _chosen(self, ids: IntArray, operator: sp.csr_matrix) -> Self:
+        """The energy of some of the points, by their indices (k,), carried by other vertices."""
+        other = copy.copy(self)
+        other.operator, other._pattern, other._hessian = operator, None, None
+        for name in self.each or ():
+            setattr(other, name, getattr(self, name)[ids])
+        return other
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         """Second derivative (3n, 3n) in mN/mm; with `project`, of projected `stiffnesses`.

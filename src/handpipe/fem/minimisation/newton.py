@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from handpipe.fem.minimisation import rigid_modes
 from handpipe.fem.minimisation.balance import Balance, lengths, rounding
 from handpipe.fem.minimisation.checkpoint import Checkpoint
 from handpipe.fem.minimisation.direction import Directions
+from handpipe.fem.minimisation.few_vertices import few_vertices, with_neighbours
 from handpipe.fem.minimisation.opening import opened
 from handpipe.fem.minimisation.record import Options, Record
 from handpipe.fem.minimisation.spacing import spacing
@@ -33,6 +35,7 @@ MAX_ESCAPES = 5  # of one minimisation from stationary points that are no minima
 MAX_RELEASES = 5  # of one minimisation: times that pinned motions are released
 FLIGHT = 10.0  # of the scene's size: a body that went so far may have left for good
 PROGRESS = 10.0  # s between two lines of progress
+SHORT = 30  # iterations of a few vertices at most: they need not come to rest
 HALVINGS = 40  # of a step, at most
 SHORTER, LONGER = 0.1, 0.5  # share of a step that the next trial takes, at least and at most
 
@@ -67,6 +70,8 @@ class Newton:
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
         self._left: tuple[Array, float] | None = None
         self._noticed = time.perf_counter()
+        self._settles, self._settled = not self._renewed, 0  # few vertices; before which iteration
+        self._level = logging.INFO  # of what is said of the end
 
     def run(self) -> None:
         """Iterate until converged, stuck or out of iterations."""
@@ -112,6 +117,8 @@ class Newton:
                 continue
             if self._released(gradient, direction):
                 continue
+            if self._settle_few(direction):
+                continue
             if self.record.iterations >= self.options.max_iterations:
                 self.record.reason = self._why(f"{self.options.max_iterations} iterations", gradient, length)
                 return
@@ -128,6 +135,44 @@ class Newton:
             if self._renewed:
                 self.energy.refresh(self.x)
                 self._value = self.energy.value(self.x)
+
+    def _settle_few(self, direction: Array) -> bool:
+        """Bring the few vertices to rest that a step (3n,) is about, all others held; False where it is not.
+
+        Not twice without a step of all vertices between.
+        """
+        if not self._settles or self._settled == self.record.iterations:
+            return False
+        stiffness = self._directions.tangent(self.x)
+        few = few_vertices(direction, stiffness)
+        if few is None:
+            return False
+        self._settled = self.record.iterations
+        kept = np.flatnonzero(with_neighbours(few, stiffness))
+        part = self.energy.near(few, kept)
+        if part is None:
+            self._settles = False
+            return False
+        trial = self.x.copy()
+        free = self._unknowns.reshape(-1, 3)[kept] & few[kept, None]
+        trial[kept] = self._at_rest(part, trial[kept], free.ravel())
+        value = self.energy.value(trial)
+        if not value < self._value:
+            return False
+        self.x, self._value = trial, value
+        self.record.relaxed += 1
+        return True
+
+    def _at_rest(self, energy: Sum, x: Array, free: BoolArray) -> Array:
+        """Positions (k, 3) of a few vertices and their neighbours after a minimisation of their own."""
+        name = f"{self.options.name}, few vertices"
+        options = replace(self.options, coarse=None, single=False, max_iterations=SHORT, name=name)
+        workspace = Workspace(x)
+        workspace.constrained = True  # what is held around them leaves no rigid motion
+        newton = Newton(energy, x, free, options, workspace)
+        newton._settles, newton._level = False, logging.DEBUG
+        newton.run()
+        return newton.x
 
     def _look_at_start(self) -> bool:
         """Compute the limits of small forces, and pin the unconstrained rigid-body modes.
@@ -244,7 +289,8 @@ class Newton:
                 self.x, self._value = trial, value
                 self.record.residuals[-1] = float(after.max())
         self.record.converged, self.record.reason = True, "converged"
-        log.info(
+        log.log(
+            self._level,
             "%s: converged in %d iterations, residual %.2e mN of %.2e mN",
             self.options.name,
             self.record.iterations,

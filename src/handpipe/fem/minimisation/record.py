@@ -120,6 +120,8 @@ class Record:
         Inverted tets at the end, and inner edges that their tets do not surround exactly once.
     cg_iterations : int
         Iterations of conjugate gradients.
+    relaxed : int
+        Times that a few vertices were brought to rest before a step of all.
     energies : list of float
         Energy in µJ of each iteration.
     residuals : list of float
@@ -139,6 +141,7 @@ class Record:
     untangled: int = 0
     tangles: int = 0
     cg_iterations: int = 0
+    relaxed: int = 0
     energies: list[float] = field(default_factory=list)
     residuals: list[float] = field(default_factory=list)
     steps: list[float] = field(default_factory=list)

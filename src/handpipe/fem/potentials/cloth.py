@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
-from handpipe.core import Array, InputError, Int32Array, IntArray
+from handpipe.core import Array, BoolArray, InputError, Int32Array, IntArray
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.patterns.assembly import Pattern
 
@@ -61,6 +62,15 @@ class Membrane:
         gradients, areas = membrane_gradients(vertices, self.triangles, scale)
         lam = 2 * mu * lam / (lam + 2 * mu)
         self._sheet = _Sheet(self.triangles, gradients, thickness * areas, mu.copy(), lam)
+
+    def near(self, moving: BoolArray, kept: IntArray) -> Membrane:
+        """The energy of the triangles that have a vertex of a mask (n,), as `Sum.near` says."""
+        mine = moving[self.triangles].any(axis=1)
+        other = copy.copy(self)
+        other.triangles, other._count = np.searchsorted(kept, self.triangles[mine]), len(kept)
+        other.pattern = Pattern.of_cells(other.triangles, len(kept))
+        other._sheet = _Sheet(other.triangles, *(values[mine] for values in self._sheet[1:]))
+        return other
 
     def value(self, x: Array) -> float:
         """Energy in microjoules, summed over triangles."""

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import get_num_threads, njit
 
-from handpipe.core import Array, InputError, IntArray
+from handpipe.core import Array, BoolArray, InputError, IntArray
 from handpipe.fem.elements import plasticity, tet_kernels
 from handpipe.fem.elements.crushing import Crushing
 from handpipe.fem.elements.materials import MODELS, Material, piola, piola_stresses, stiffness
@@ -93,6 +93,26 @@ class Elastic:
     def nearly_incompressible(self, poisson: float = 0.4) -> bool:
         """Whether some tet has a Poisson's ratio above `poisson`."""
         return bool(np.any(self._lam > self._mu * 2 * poisson / (1 - 2 * poisson)))
+
+    def near(self, moving: BoolArray, kept: IntArray) -> Elastic:
+        """The energy of the tets that have a vertex of a mask (n,), as `Sum.near` says."""
+        mine = np.flatnonzero(moving[self._body.tets].any(axis=1))
+        other, ids = copy.copy(self), self._order[mine]
+        for name in ("rest_gradients", "volumes", "weights", "strains", "_mu", "_lam"):
+            setattr(other, name, getattr(self, name)[ids])
+        other.vertices, other._order = self.vertices[kept], np.arange(len(ids))
+        other.tets = np.searchsorted(kept, self._body.tets[mine])
+        body = self._body
+        other._body = body._replace(
+            tets=other.tets,
+            gradients=body.gradients[mine],
+            weights=body.weights[mine],
+            mu=body.mu[mine],
+            lam=body.lam[mine],
+        )
+        other.pattern = Pattern.of_cells(other.tets, len(kept))
+        other._partition = Partition.of_cells(other.tets, other.vertices, 1)
+        return other
 
     def crushing(self, steepest: float) -> Crushing:
         """The barrier that keeps this body's tets from inversion, quadratic below a share of its onset."""

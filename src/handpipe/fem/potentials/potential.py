@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import get_num_threads, njit, prange
 
-from handpipe.core import Array, Int32Array
+from handpipe.core import Array, BoolArray, Int32Array, IntArray
 from handpipe.fem.patterns.buffers import Buffers
 
 PARALLEL_ENTRIES = 1_000_000  # of a matrix; fewer are moved sooner than a thread is woken
@@ -21,7 +21,8 @@ class Potential(Protocol):
 
     A potential may also offer `max_step(x, step) -> float`, the largest fraction in (0, 1] of a displacement
     that it allows, and `refresh(x) -> None`, called between Newton steps, where it may update what it keeps
-    constant within a step.
+    constant within a step. With `near(moving, kept) -> Potential | None` it gives what depends on a few
+    vertices (see `Sum.near`).
     """
 
     def value(self, x: Array) -> float:
@@ -79,6 +80,30 @@ class Sum:
             matrix, places = matrices[number], self._places[number]
             add_rows(data, self._indptr, matrix.indptr, places, matrix.data, number == self._order[0])
         return canonical(data, self._indices, self._indptr, matrices[0].shape)
+
+    def near(self, moving: BoolArray, kept: IntArray) -> Sum | None:
+        """The energy that changes when only a few vertices move: all else is constant then.
+
+        Parameters
+        ----------
+        moving : boolean array (n,)
+            Mask of these vertices.
+        kept : integer array (k,)
+            Their indices and those of all vertices that share an element with them, ascending: the vertices
+            of the result.
+
+        Returns
+        -------
+        Sum or None
+            None where a potential cannot be cut.
+        """
+        parts: list[Potential] = []
+        for potential in self.potentials:
+            part = potential.near(moving, kept) if hasattr(potential, "near") else None
+            if part is None:
+                return None
+            parts.append(part)
+        return Sum(parts)
 
     def max_step(self, x: Array, step: Array) -> float:
         """Largest fraction in (0, 1] of the displacement that every potential allows."""
