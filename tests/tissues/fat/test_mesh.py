@@ -134,6 +134,31 @@ def test_pockets_that_hang_by_an_edge_or_by_nothing_are_left_out():
     assert inside.vertex.tolist() == [0] and inside.bodies == ("core",)
 
 
+@pytest.mark.parametrize(("outside", "refused"), [(0.02, False), (0.2, True)])
+def test_a_sliver_beneath_the_skin_is_left_out_where_the_skin_is_close_to_the_rest(outside, refused):
+    """A box of tets with edges of about 0.25, and a small tet over it, in which the skin has one vertex."""
+    box = box_tets(4)
+    sliver = np.array([0.5, 0.5, 1.0 + outside]) + 0.01 * np.array(
+        [[-1, -1, -1], [1, -1, -1], [0, 1, -1], [0, 0, 1]]
+    )
+    n = len(box.vertices)
+    mesh = TetMesh(np.vstack([box.vertices, sliver]), np.vstack([box.tets, [[n, n + 1, n + 2, n + 3]]]))
+    if mesh.volumes()[-1] < 0:
+        mesh.tets[-1] = mesh.tets[-1, [1, 0, 2, 3]]
+    one = np.ones(1, dtype=np.int64)
+    inner = np.full((1, 3), 0.5)
+    points = InnerPoints(("bones",), ("core",), 0 * one, one, inner, inner, one, np.ones(1))
+    ball = sphere(0.3, 2)
+    places = ball.vertices + 0.5
+    places[np.argmax(places[:, 2])] = [0.5, 0.5, 1.0 + outside]
+    if refused:
+        with pytest.raises(InputError, match="2 pieces that share no face"):
+            without_pockets(mesh, np.ones(len(mesh.tets)), ball.moved(places), points)
+    else:
+        kept = without_pockets(mesh, np.ones(len(mesh.tets)), ball.moved(places), points)[0]
+        np.testing.assert_array_equal(kept.vertices[kept.tets], box.vertices[box.tets])
+
+
 def test_a_skin_on_another_piece_is_refused_with_its_place():
     box = box_tets(2)
     both = TetMesh(

@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 SAMPLES = 20  # points a tet, to measure how much of it is tissue
 LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stiffness
 MOST_LOST = 0.01  # of the tissue, in pockets that are left out
+BESIDE = 0.2  # of an edge that the skin may be outside of the piece that is kept: its nearest tet carries it
 OUTWARDS = 0.1  # of an edge by which the hull is larger than the skin
 HALVINGS = 6  # of that, where the hull would cut itself
 
@@ -74,8 +75,9 @@ def without_pockets(
 ) -> tuple[TetMesh, Array, InnerPoints]:
     """The largest piece of a tissue that is connected by faces, and the inner points in it.
 
-    Other pieces lie in pockets between inner bodies. They share an edge, a vertex or nothing with the tissue,
-    and turn without resistance: the tangent stiffness is singular, and Newton directions have any length.
+    Other pieces lie in pockets between inner bodies, or are slivers beneath the skin where fingers meet. They
+    share an edge, a vertex or nothing with the tissue, and turn without resistance: the tangent stiffness is
+    singular, and Newton directions have any length.
 
     Parameters
     ----------
@@ -100,7 +102,8 @@ def without_pockets(
     Raises
     ------
     InputError
-        If the skin touches another piece, or the other pieces are more than 1 % of the tissue.
+        If skin is more than a fifth of an edge outside of the largest piece, or the other pieces are more
+        than 1 % of the tissue.
     """
     piece = tet_pieces(len(mesh.tets), tet_neighbours(mesh.tets))
     tissue = share * mesh.volumes()
@@ -109,7 +112,10 @@ def without_pockets(
         return mesh, share, points
     keep = piece == volumes.argmax()
     lost = 1 - volumes.max() / volumes.sum()
+    kept = _part(mesh, keep)
     off = np.flatnonzero(~keep[nearest_tets(skin.vertices, mesh)])
+    border = Surface(kept.vertices, kept.boundary_faces()[0])
+    off = off[Distance(border).closest(skin.vertices[off])[0] > BESIDE * mesh.edge_length()]
     if len(off) or lost > MOST_LOST:
         where = np.round(skin.vertices[off[0]] if len(off) else mesh.vertices[mesh.tets[~keep][0, 0]], 1)
         problem = (
@@ -119,7 +125,7 @@ def without_pockets(
         raise InputError("config", "edges", problem, "Give a smaller edge for fat, or look at the skin there")
     text = "left out %d tets in pockets, %.2g %% of the tissue (limit %.2g %%)"
     log.info(text, np.count_nonzero(~keep), 100 * lost, 100 * MOST_LOST)
-    return _part(mesh, keep), share[keep], points.chosen(keep[nearest_tets(points.rest, mesh)])
+    return kept, share[keep], points.chosen(keep[nearest_tets(points.rest, mesh)])
 
 
 def _part(mesh: TetMesh, keep: BoolArray) -> TetMesh:
