@@ -196,9 +196,11 @@ class SystemSequence:
         self.work.factor_bytes = max(self.work.factor_bytes, predicted.bytes)
         start = time.perf_counter()
         x = factor.solve(b)
-        if self._single:  # one refinement brings most of the digits of double precision
-            x += factor.solve(b - matrix @ x)
         self.residual = _residual(matrix, x, b)
+        # One refinement of a single factor brings most of the digits of double precision.
+        if self._single or self.residual > tolerance:
+            x += factor.solve(b - matrix @ x)
+            self.residual = _residual(matrix, x, b)
         solve_seconds = time.perf_counter() - start
         self.work.seconds["solve"] += solve_seconds
         self._precondition = factor.solve
