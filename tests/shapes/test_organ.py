@@ -125,3 +125,21 @@ def test_bad_input_is_named() -> None:
         fit_organ(mesh, Observed(np.array([[0.0, 0, 0], [np.nan, 0, 0]])))
     with pytest.raises(InputError, match="attachments"):
         fit_organ(mesh, Observed(np.zeros((3, 3)), attachments=Pairs(np.zeros((3, 3)), np.zeros((2, 3)))))
+
+
+@pytest.mark.parametrize(("degrees", "arrives"), [(5.0, True), (60.0, False)])
+def test_a_search_that_does_not_arrive_at_its_landmarks_says_so(
+    degrees: float, arrives: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A bar that is held at one end, and whose other end is turned about it."""
+    mesh = box((6, 1, 1), (30.0, 6.0, 6.0))
+    held, tip = (np.flatnonzero(np.abs(mesh.vertices[:, 0] - x) < 1e-9) for x in (0.0, 30.0))
+    turned = Rotation.from_euler("z", degrees, degrees=True).apply(mesh.vertices[tip])
+    seen = Observed(
+        landmarks=Pairs(mesh.vertices[tip], turned),
+        attachments=Pairs(mesh.vertices[held], mesh.vertices[held]),
+    )
+    fit = fit_organ(mesh, seen, settings=OrganSettings(iterations=0))
+    apart = np.linalg.norm(fit.carried[tip] - turned, axis=1).max()
+    assert (apart < 0.1) == arrives and (apart > 1.0) == (not arrives)
+    assert ("landmarks are still" in caplog.text) == (not arrives)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,10 @@ from handpipe.shapes.organs.doubts import Doubts, examine
 from handpipe.shapes.organs.remeshing import Given, OnMesh
 from handpipe.shapes.organs.resume import FitCheckpoint
 from handpipe.shapes.organs.stages import NEW_TETS, FitPosition, follow, plan
+
+log = logging.getLogger(__name__)
+
+MISSED = 0.03  # of the organ's size, between a pair of points that a fit has not brought together
 
 
 @dataclass(frozen=True)
@@ -183,6 +188,7 @@ def _finished(position: FitPosition, template_marks: BoundaryMarks, start: Array
     bent = bend(task.search, state) if len(held) >= 3 and on_line(held) else None
     if bent is not None:
         quality["attachments_bend"] = (bent, "mm")
+    _warn_of_misses(quality, float(np.ptp(state.x, axis=0).max()))
     return OrganFit(
         mesh=task.mesh.moved(state.x),
         rest=task.mesh,
@@ -235,6 +241,17 @@ def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metr
         if pairs is not None and len(pairs.targets):
             found |= _errors(name, np.linalg.norm(pairs.errors(state.x), axis=1))
     return found
+
+
+def _warn_of_misses(quality: Metrics, size: float) -> None:
+    """Say where pairs of points are still apart in an organ of a size in mm: the search has not arrived."""
+    for name in ("landmarks", "attachments"):
+        apart = quality.get(f"{name}_max", (0.0, "mm"))[0]
+        if apart > MISSED * size:
+            text = "%s are still %.3g mm apart at most: the search has not arrived. %s"
+            log.warning(
+                text, name, apart, "Give attachments at both ends, or points between; look at the shape"
+            )
 
 
 def _errors(name: str, distances: Array) -> Metrics:
