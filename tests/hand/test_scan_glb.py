@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Frame, InputError, Shape
 from handpipe.hand.exports.carried_scan import CarriedScan
 from handpipe.hand.exports.scan_glb import placed_parts, write_scan_glb
-from handpipe.hand.exports.textured_scan import read_textured, texture_files
+from handpipe.hand.exports.textured_scan import read_textured
+from handpipe.mesh.files import texture_files
 from handpipe.mesh.surfaces import Surface, read_scan
 
 LENGTH, RADIUS, BEND = 60.0, 10.0, 40.0  # mm; the bend is that of the tube's middle line
@@ -229,6 +230,22 @@ def test_a_lost_material_or_image_is_named(tmp_path: Path, lost: str, named_in: 
     assert [path.name for path in texture_files(file)] == ["scan.mtl", "front.png", "back.png"]
     (tmp_path / lost).unlink()
     with pytest.raises(InputError, match=rf"{named_in}: texture: names {lost}, which does not exist"):
+        read_textured(file)
+
+
+@pytest.mark.parametrize("options", ["-s 1 1 1 ", "-clamp on -o 0 0 0 "])
+def test_options_of_an_image_do_not_lose_it(tmp_path: Path, options: str) -> None:
+    file = written_obj(tmp_path, tube(13, 12))
+    materials = tmp_path / "scan.mtl"
+    materials.write_text(materials.read_text().replace("map_Kd ", f"map_Kd {options}"))
+    parts = {tuple(np.asarray(part.image)[0, 0]) for part in read_textured(file)}
+    assert parts == {tuple(np.asarray(Image.open(tmp_path / f"{n}.png"))[0, 0]) for n in ("front", "back")}
+
+
+def test_a_damaged_image_is_named(tmp_path: Path) -> None:
+    file = written_obj(tmp_path, tube(13, 12))
+    (tmp_path / "back.png").write_bytes((tmp_path / "back.png").read_bytes()[:200])
+    with pytest.raises(InputError, match=r"back.png: content: cannot be read"):
         read_textured(file)
 
 

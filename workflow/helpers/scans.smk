@@ -6,7 +6,7 @@ from snakemake.exceptions import WorkflowError
 
 from handpipe.core import paths
 from handpipe.hand import require_skin
-from handpipe.hand.exports import texture_files
+from handpipe.mesh.files import texture_files
 
 
 def scanned(subject):

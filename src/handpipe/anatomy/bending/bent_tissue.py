@@ -111,7 +111,7 @@ def follow_bend(
     pairs: Iterable[tuple[str, str]],
     materials: Mapping[str, Material],
     bend: Bend,
-    told: Callable[[Step], None] = lambda step: None,
+    progress: Callable[[Step], None] = lambda step: None,
 ) -> BentLimb:
     """The equilibrium of a mesh of tissues after a bend.
 
@@ -130,7 +130,7 @@ def follow_bend(
         Of each tissue of the mesh.
     bend : Bend
         What moves, and how.
-    told : callable
+    progress : callable
         Gets each step after it has converged.
 
     Returns
@@ -153,7 +153,7 @@ def follow_bend(
     x, residual, steps = tissue.mesh.vertices, 0.0, bend.steps
     for number in range(1, steps + 1):
         x, residual, iterations = limb.step(x, (number - 1) / steps, number / steps)
-        told(Step(number, steps, bend.angle * number / steps, residual, iterations))
+        progress(Step(number, steps, bend.angle * number / steps, residual, iterations))
     return BentLimb(TetMesh(x, tissue.mesh.tets), limb.motions(1.0), residual, tuple(limb.notes(x)))
 
 

@@ -1,8 +1,8 @@
 """Which few vertices a Newton step is about, where all others hardly move.
 
 A point that slides over facets, or a contact that opens and closes, meets jumps of the stiffness. The step is
-wrong there, and the line search shortens it for all vertices. Such vertices are brought to rest among their
-neighbours first, which costs little.
+wrong there, and the line search shortens it for all vertices. The energy is minimised over such vertices
+first, with all others fixed, which costs little.
 """
 
 from __future__ import annotations

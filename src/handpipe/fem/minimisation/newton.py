@@ -46,6 +46,9 @@ class Newton:
     An `impatient` one stops, with `struggling` set, where only less than half a step lowers the energy.
     """
 
+    settles_few = True  # whether few vertices are minimised over first
+    level = logging.INFO  # of the line that says the end
+
     def __init__(
         self,
         energy: Sum,
@@ -70,8 +73,8 @@ class Newton:
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
         self._left: tuple[Array, float] | None = None
         self._noticed = time.perf_counter()
-        self._settles, self._settled = not self._renewed, 0  # few vertices; before which iteration
-        self._level = logging.INFO  # of what is said of the end
+        self._settles = self.settles_few and not self._renewed
+        self._settled = 0  # the iteration before which few vertices were minimised over
 
     def run(self) -> None:
         """Iterate until converged, stuck or out of iterations."""
@@ -137,7 +140,7 @@ class Newton:
                 self._value = self.energy.value(self.x)
 
     def _settle_few(self, direction: Array) -> bool:
-        """Bring the few vertices to rest that a step (3n,) is about, all others held; False where it is not.
+        """Minimise over the few vertices that a step (3n,) is about, all others fixed; False where it is not.
 
         Not twice without a step of all vertices between.
         """
@@ -168,9 +171,8 @@ class Newton:
         name = f"{self.options.name}, few vertices"
         options = replace(self.options, coarse=None, single=False, max_iterations=SHORT, name=name)
         workspace = Workspace(x)
-        workspace.constrained = True  # what is held around them leaves no rigid motion
-        newton = Newton(energy, x, free, options, workspace)
-        newton._settles, newton._level = False, logging.DEBUG
+        workspace.constrained = True  # the fixed vertices around them leave no rigid-body mode
+        newton = _OfFewVertices(energy, x, free, options, workspace)
         newton.run()
         return newton.x
 
@@ -290,7 +292,7 @@ class Newton:
                 self.record.residuals[-1] = float(after.max())
         self.record.converged, self.record.reason = True, "converged"
         log.log(
-            self._level,
+            self.level,
             "%s: converged in %d iterations, residual %.2e mN of %.2e mN",
             self.options.name,
             self.record.iterations,
@@ -437,6 +439,13 @@ class Newton:
                 self.options.force_tolerance * self._scale,
                 length,
             )
+
+
+class _OfFewVertices(Newton):
+    """A minimisation over few vertices, as a part of another one."""
+
+    settles_few = False
+    level = logging.DEBUG
 
 
 def _largest(vector: Array) -> float:

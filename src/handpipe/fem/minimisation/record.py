@@ -121,7 +121,7 @@ class Record:
     cg_iterations : int
         Iterations of conjugate gradients.
     relaxed : int
-        Times that a few vertices were brought to rest before a step of all.
+        Times that the energy was minimised over a few vertices before a step of all.
     energies : list of float
         Energy in µJ of each iteration.
     residuals : list of float

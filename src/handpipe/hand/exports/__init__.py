@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from handpipe.hand.exports.osim import write_osim
     from handpipe.hand.exports.rigged_glb import write_rigged_glb
     from handpipe.hand.exports.scan_glb import placed_parts, write_scan_glb
-    from handpipe.hand.exports.textured_scan import read_textured, texture_files
+    from handpipe.hand.exports.textured_scan import read_textured
     from handpipe.hand.exports.usd_cache import write_usd
 else:
     __getattr__ = face(__name__)
@@ -35,7 +35,6 @@ __all__ = [
     "residual_motion",
     "surface_triangles",
     "tet_fields",
-    "texture_files",
     "with_mechanics",
     "write_bones",
     "write_deck",

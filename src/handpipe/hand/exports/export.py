@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -37,6 +37,7 @@ LARGEST = 800_000_000  # bytes of one glTF's moving vertices: its format ends at
 BYTES_A_VERTEX = 24  # and frame: a place and a normal in single precision
 ROUGHNESS = 0.6  # of all materials: between a mirror and chalk
 GAMMA = 2.2  # of sRGB: colours of glTF are linear light
+Normals = Callable[[Array], Array]  # from vertices (n, 3) in mm to unit normals (n, 3)
 TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
 
 
@@ -270,16 +271,16 @@ class GlbWriter:
         )
         self.colour(primitive, tissue(layer, body), shape, used)
         if cells.shape[1] == 3:
-            surface = Surface(rest, local)
-            normals = to_gltf(1e3 * self.normals(surface, rest))
+            normals_at = self.normals(Surface(rest, local))
+            normals = to_gltf(1e3 * normals_at(rest))
             primitive.attributes.NORMAL = self.accessor(normals, gltf.ARRAY_BUFFER)
             for target, x in zip(primitive.targets, moved, strict=True):
-                target["NORMAL"] = self.accessor(to_gltf(1e3 * self.normals(surface, x)) - normals)
+                target["NORMAL"] = self.accessor(to_gltf(1e3 * normals_at(x)) - normals)
         self._mesh(f"{layer}/{body}", primitive)
 
-    def normals(self, rest: Surface, vertices: Array) -> Array:
-        """Unit normals (n, 3) of a body, whose surface at rest is given, at its vertices in a frame."""
-        return rest.moved(vertices).vertex_normals()
+    def normals(self, rest: Surface) -> Normals:
+        """The function that gives the unit normals of a body, whose surface at rest is given, in a frame."""
+        return lambda vertices: rest.moved(vertices).vertex_normals()
 
     def _mesh(self, name: str, primitive: gltf.Primitive) -> None:
         document, node = self.document, len(self.document.nodes)

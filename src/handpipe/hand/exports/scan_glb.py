@@ -14,8 +14,8 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from handpipe.core import Array, InputError, IntArray, Shape, atomic
-from handpipe.hand.exports.carried_scan import CarriedScan
-from handpipe.hand.exports.export import GAMMA, ROUGHNESS, GlbWriter, numbers_within, write_empty
+from handpipe.hand.exports.carried_scan import FARTHEST, CarriedScan
+from handpipe.hand.exports.export import GAMMA, ROUGHNESS, GlbWriter, Normals, numbers_within, write_empty
 from handpipe.hand.exports.textured_scan import ScanPart
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.mesh.surfaces import Surface
@@ -109,32 +109,34 @@ def write_scan_glb(
     if not frames:
         write_empty(path)
         return 0
-    rest = _skin(frames[0]).rest
-    skin = Surface(rest, _skin(frames[0]).cells)
-    carriers = [CarriedScan.attach(part.vertices, skin) for part in parts]
-    beside = [c.beside[part.triangles].all(axis=1) for part, c in zip(parts, carriers, strict=True)]
+    shape = _skin(frames[0])
+    skin = Surface(shape.rest, shape.cells)
+    carrier = CarriedScan.attach(np.concatenate([part.vertices for part in parts]), skin)
+    ends = np.cumsum([len(part.vertices) for part in parts])[:-1]
+    near_skin = np.split(carrier.beside, ends)
+    beside = [near[part.triangles].all(axis=1) for part, near in zip(parts, near_skin, strict=True)]
     if not any(near.any() for near in beside):
         problem = "no triangle of the scan is near the simulated skin"
         raise InputError(path, "scan", problem, "Give the scan of this subject's neutral pose")
-    chosen = numbers_within(len(frames), sum(len(part.vertices) for part in parts))
-    made = [frames[number] for number in chosen]
-    skins = [_skin(frame).vertices for frame in made]
-    if finish is not None:
-        skins = [finish(skin, vertices) for vertices in skins]
-    writer = _ScanWriter([frame.name for frame, _ in made], np.array(chosen) / fps, "LINEAR")
-    for number, (part, carrier, near) in enumerate(zip(parts, carriers, beside, strict=True)):
+    chosen = numbers_within(len(frames), len(carrier.offsets))
+    names, moved = list[str](), list[list[Array]]()
+    for frame in (frames[number] for number in chosen):  # one in memory at a time, but for its scan
+        vertices = _skin(frame).vertices
+        names.append(frame[0].name)
+        moved.append(np.split(carrier(vertices if finish is None else finish(skin, vertices)), ends))
+    writer = _ScanWriter(names, np.array(chosen) / fps, "LINEAR")
+    for number, (part, near) in enumerate(zip(parts, beside, strict=True)):
         if not near.any():
             continue
         writer.part = part
         cells = part.triangles[near]
-        shapes = {i: Shape(part.vertices, carrier(x), cells) for i, x in enumerate(skins)}
+        shapes = {i: Shape(part.vertices, x[number], cells) for i, x in enumerate(moved)}
         writer.add(LAYER, str(number), shapes)
     with atomic(path) as temporary:
         writer.finish().save_binary(str(temporary))
     left_out = sum(int((~near).sum()) for near in beside)
-    log.info(
-        "%d triangles of the scan, %d left out", sum(len(p.triangles) for p in parts) - left_out, left_out
-    )
+    text = "the skin carries %d triangles of the scan; %d more than %g mm from it at rest are left out"
+    log.info(text, sum(len(p.triangles) for p in parts) - left_out, left_out, FARTHEST)
     return left_out
 
 
@@ -148,12 +150,12 @@ class _ScanWriter(GlbWriter):
 
     part: ScanPart
 
-    def normals(self, rest: Surface, vertices: Array) -> Array:
+    def normals(self, rest: Surface) -> Normals:
         """As of any body; vertices at one place, on both sides of a seam of texture, have one normal."""
         _, first, same = np.unique(rest.vertices, axis=0, return_index=True, return_inverse=True)
         same = same.ravel()
-        welded = Surface(vertices[first], same[rest.triangles])
-        return np.asarray(welded.vertex_normals()[same])
+        welded = Surface(rest.vertices[first], same[rest.triangles])
+        return lambda vertices: np.asarray(welded.moved(vertices[first]).vertex_normals()[same])
 
     def colour(self, primitive: gltf.Primitive, look: str, shape: Shape, used: IntArray) -> None:
         """Give a primitive, made of some vertices of the part, its image or its colours."""

@@ -30,6 +30,7 @@ from handpipe.shapes.organs.stages import NEW_TETS, FitPosition, follow, plan
 
 log = logging.getLogger(__name__)
 
+REMEDY = "Give attachments at both ends, or points between, and look at the shape"
 MISSED = 0.03  # of the organ's size, between a pair of points that a fit has not brought together
 
 
@@ -244,14 +245,12 @@ def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metr
 
 
 def _warn_of_misses(quality: Metrics, size: float) -> None:
-    """Say where pairs of points are still apart in an organ of a size in mm: the search has not arrived."""
+    """Warn where pairs of points are still apart, relative to the size of the organ in mm."""
     for name in ("landmarks", "attachments"):
         apart = quality.get(f"{name}_max", (0.0, "mm"))[0]
         if apart > MISSED * size:
-            text = "%s are still %.3g mm apart at most: the search has not arrived. %s"
-            log.warning(
-                text, name, apart, "Give attachments at both ends, or points between; look at the shape"
-            )
+            text = "%s are still up to %.3g mm apart (limit %.3g mm): the search has not converged. %s"
+            log.warning(text, name, apart, MISSED * size, REMEDY)
 
 
 def _errors(name: str, distances: Array) -> Metrics:

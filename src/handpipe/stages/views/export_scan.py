@@ -30,9 +30,9 @@ class Inputs(Files):
 
 def export_scan(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene) -> None:
     """The neutral scan, with its texture, as a scene's frames move it."""
-    parts = placed_parts(
-        read_textured(inputs.scan), read_scan(inputs.scan), read_scan(inputs.aligned), inputs.scan
-    )
+    scan = read_scan(inputs.scan)
+    aligned = scan if inputs.aligned == inputs.scan else read_scan(inputs.aligned)
+    parts = placed_parts(read_textured(inputs.scan), scan, aligned, inputs.scan)
     directions = hand_directions(Rig.load(inputs.rig), dataset.hand)
     dorsal = None if directions is None else directions.dorsal
 
