@@ -248,6 +248,23 @@ def test_failures_say_why_and_partial_results_are_asked_for(caplog):
     assert "converged" in caplog.text
 
 
+def test_a_solve_may_end_early_near_the_equilibrium():
+    """Newton's method converges quadratically: after a step of 0.05 mm the end is much nearer than that."""
+    elastic, held = Elastic(VERTICES, TETS, SOFT), np.repeat(LEFT | RIGHT, 3)
+    lengths = []
+
+    def enough(_, step):
+        lengths.append(np.linalg.norm(step, axis=1).max())
+        return lengths[-1] < 0.05
+
+    exact = solve([elastic], _bend(0.3), fixed=held)
+    early = solve([elastic], _bend(0.3), fixed=held, options=Options(enough=enough))
+    assert (early.record.converged, early.record.reason) == (True, "near enough")
+    assert early.record.iterations == len(lengths) < exact.record.iterations
+    apart = np.linalg.norm(early.x - exact.x, axis=1).max()
+    assert 1e-6 < apart < 0.2 * lengths[-1]
+
+
 @pytest.mark.parametrize("single", [False, True])
 def test_kept_analyses_change_no_bit(single):
     """Two patterns in turn, as with contact that comes and goes, and a start that is indefinite."""

@@ -6,6 +6,7 @@ import logging
 import math
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,8 @@ MAX_ESCAPES = 5  # of one minimisation from stationary points that are no minima
 MAX_RELEASES = 5  # of one minimisation: times that pinned motions are released
 FLIGHT = 10.0  # of the scene's size: a body that went so far may have left for good
 PROGRESS = 10.0  # s between two lines of progress
-SHORT = 30  # iterations of a few vertices at most: they need not come to rest
+# options of a minimisation over few vertices: 30 iterations at most, they need not come to rest
+ALONE: dict[str, Any] = {"coarse": None, "single": False, "enough": None, "max_iterations": 30}
 HALVINGS = 40  # of a step, at most
 SHORTER, LONGER = 0.1, 0.5  # share of a step that the next trial takes, at least and at most
 
@@ -130,7 +132,7 @@ class Newton:
                 self.record.reason = self.record.reason or self._why(problem, gradient, length)
                 return
             self.record.iterations += 1
-            if self._flown():
+            if self._flown() or self._near_enough(direction):
                 return
             self._report(residual, length)
             if self._checkpoint is not None:
@@ -169,7 +171,7 @@ class Newton:
     def _at_rest(self, energy: Sum, x: Array, free: BoolArray) -> Array:
         """Positions (k, 3) of a few vertices and their neighbours after a minimisation of their own."""
         name = f"{self.options.name}, few vertices"
-        options = replace(self.options, coarse=None, single=False, max_iterations=SHORT, name=name)
+        options = replace(self.options, **ALONE, name=name)
         workspace = Workspace(x)
         workspace.constrained = True  # the fixed vertices around them leave no rigid-body mode
         newton = _OfFewVertices(energy, x, free, options, workspace)
@@ -316,6 +318,17 @@ class Newton:
         if residuals[worst] <= noise:
             text += f"; stiff springs or contact there round forces by {noise:.2g} mN"
         return text
+
+    def _near_enough(self, direction: Array) -> bool:
+        """Whether `options.enough` accepts x, to which a step (3n,) or a part of it has led."""
+        enough = self.options.enough
+        if enough is None or not enough(self.x, direction.reshape(self.x.shape)):
+            return False
+        self.record.converged, self.record.reason = True, "near enough"
+        count, residual = self.record.iterations, self.record.residuals[-1]
+        text = "%s: near enough in %d iterations, residual %.2e mN before the last"
+        log.log(self.level, text, self.options.name, count, residual)
+        return True
 
     def _flown(self) -> bool:
         """Whether some body has moved away for good, since no potential resists its load."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -44,6 +45,9 @@ class Options:
     single : bool
         Factorise in single precision, and refine solutions by conjugate gradients to the same tolerance. For
         systems of 100,000 unknowns and more, whose factors take most of the time and memory.
+    enough : callable, optional
+        From positions (n, 3) and the step (n, 3) that led to them, both in mm, to whether the solve may end
+        there although it has not converged.
     name : str
         Name of the solve in log lines and errors.
 
@@ -67,6 +71,7 @@ class Options:
     saddles: bool = False
     coarse: sp.csr_matrix | None = None
     single: bool = False
+    enough: Callable[[Array, Array], bool] | None = None
     name: str = "equilibrium"
 
     def __post_init__(self) -> None:

@@ -14,6 +14,7 @@ log = logging.getLogger(__name__)
 
 CONTRACTING = 0.9  # of the motion before: a motion larger than this does not die away
 LEAST_SHARE = 0.25  # of a motion that is carried out, at least
+CLEARLY, ROUGHLY = 1.2, 0.5  # of the settled motion: above and below it, see `NearEnough`
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,27 @@ class Settled:
         return {"unsettled": float(not self.rests), "contact_motion": self.motion, **self.solver}
 
 
+@dataclass
+class NearEnough:
+    """Tells a solve that it may end where its planes will be taken anew: exactness would be lost there.
+
+    So it is where the shape has clearly left the positions (n, 3) at which the planes were taken, and the
+    last step was small. `told` says whether some solve was told so.
+    """
+
+    planes: Array
+    settled: float
+    measure: Callable[[Array], float]
+    told: bool = False
+
+    def __call__(self, x: Array, step: Array) -> bool:
+        """Whether x (n, 3) is near enough after a step (n, 3)."""
+        leaves = self.measure(x - self.planes) > CLEARLY * self.settled
+        near = bool(leaves and self.measure(step) < ROUGHLY * self.settled)
+        self.told = self.told or near
+        return near
+
+
 def largest(motion: Array) -> float:
     """Largest length of a motion's vectors.
 
@@ -106,7 +128,7 @@ def root_mean_square(motion: Array) -> float:
 
 
 def settle(
-    equilibrium: Callable[[Array], Array],
+    equilibrium: Callable[[Array, NearEnough | None], Array],
     x: Array,
     limits: Limits,
     name: str,
@@ -124,6 +146,8 @@ def settle(
     ----------
     equilibrium : callable
         From positions (n, 3) in mm where planes are taken to the equilibrium (n, 3) in mm under these planes.
+        It may end early where its second argument, if not None, says so; in the later half of all renewals
+        it may not.
     x : array (n, 3)
         Positions in mm where the first planes are taken.
     limits : Limits
@@ -151,14 +175,16 @@ def settle(
     shares, before, last = np.ones(len(parts)), np.full(len(parts), np.inf), np.zeros_like(x)
     best = Settled(x, 0, np.inf)
     for count in range(1, limits.renewals + 1):
-        found = equilibrium(x)
+        early = NearEnough(x, limits.settled, measure) if count <= limits.renewals // 2 else None
+        found = equilibrium(x, early)
         step = found - x
         motion = measure(step)
         moved = "" if mover is None else f", most of all {mover(step)}"
         log.info("%s: contact planes renewed %d times, last motion %.3f mm%s", name, count, motion, moved)
-        if motion < best.motion:
+        exact = early is None or not early.told
+        if exact and motion < best.motion:
             best = Settled(found, count, motion, chosen=count)
-        if motion < limits.settled:
+        if exact and motion < limits.settled:
             return best
         motions = np.array([measure(step[part]) for part in parts])
         shares = np.where(

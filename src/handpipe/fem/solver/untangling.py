@@ -63,6 +63,7 @@ def by_stand_in(
         options,
         displacement_tolerance=max(options.displacement_tolerance, LOOSE * spacing(x)),
         force_tolerance=max(options.force_tolerance, LOOSE_FORCE),
+        enough=None,
         name=f"{options.name}, stand-in",
     )
     newton = Newton(Sum(bodies), x, free, loose, workspace)

@@ -12,7 +12,7 @@ from handpipe.core import Array, ConvergenceError, IntArray, RigidTransform, Sha
 from handpipe.fem.contact import Barrier
 from handpipe.fem.minimisation import Record
 from handpipe.fem.potentials import Elastic, Potential
-from handpipe.fem.solver import Options, Settled, equilibrium, root_mean_square, settle
+from handpipe.fem.solver import NearEnough, Options, Settled, equilibrium, root_mean_square, settle
 from handpipe.mesh.contact import crossings, self_contact
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.skin_contact import DEEP, DISTANCE
@@ -80,7 +80,7 @@ def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
     """
     free, records = [start], list[Record]()
 
-    def in_place(planes: Array) -> Array:
+    def in_place(planes: Array, _: NearEnough | None) -> Array:
         found = scene.solve([barrier], planes, free[-1])
         free.append(found.x)
         records.append(found.record)

@@ -27,7 +27,7 @@ from handpipe.fem.contact import Attachment, Barrier, Contact, Sliding, SurfaceS
 from handpipe.fem.elements import Material, Validity, polar
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
-from handpipe.fem.solver import Limits, Options, Settled, equilibrium, root_mean_square, settle
+from handpipe.fem.solver import Limits, NearEnough, Options, Settled, equilibrium, root_mean_square, settle
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, astray, touching_planes
 from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumped
 from handpipe.skeleton.posing import blend, blended
@@ -480,8 +480,8 @@ class Tissue:
         elastic = self.elastic if strains is None else self.elastic.with_strains(strains)
         records: list[Record] = []
 
-        def in_place(x: Array) -> Array:
-            found = self._solve(elastic, below, rigid, x)
+        def in_place(x: Array, enough: NearEnough | None) -> Array:
+            found = self._solve(elastic, below, rigid, x, enough)
             records.append(found.record)
             return found.x
 
@@ -492,11 +492,17 @@ class Tissue:
         return replace(settled, solver=records[settled.chosen - 1].figures)
 
     def _solve(
-        self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
+        self,
+        elastic: Elastic,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        start: Array,
+        enough: NearEnough | None = None,
     ) -> Equilibrium:
+        options = replace(OPTIONS, enough=enough)
         try:
             potentials = [elastic, *self.constraints(below, rigid, start)]
-            return equilibrium.solve(potentials, start, options=OPTIONS, analyses=self._analyses)
+            return equilibrium.solve(potentials, start, options=options, analyses=self._analyses)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 

@@ -13,7 +13,7 @@ from handpipe.core import Array, ConvergenceError
 from handpipe.fem.contact import Contact, ConvexBarrier
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Potential
-from handpipe.fem.solver import Limits, Settled, settle
+from handpipe.fem.solver import Limits, NearEnough, Settled, settle
 from handpipe.mesh.contact import ways_out
 from handpipe.mesh.surfaces import barycentric_matrix
 from handpipe.tissues.muscles.colliding import Bodies, Crossings
@@ -58,7 +58,7 @@ def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
     barrier = ConvexBarrier(scene.bodies.barrier(start, scene.rest, DISTANCE, stiffness))
     free, records = [start], list[Record]()
 
-    def in_place(planes: Array) -> Array:
+    def in_place(planes: Array, _: NearEnough | None) -> Array:
         found = scene.solve([*scene.planes(planes, None), barrier], free[-1], True)
         free.append(found.x)
         records.append(found.record)

@@ -22,7 +22,7 @@ from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, c
 from handpipe.fem.elements import Material, Validity
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
-from handpipe.fem.solver import Limits, Settled, equilibrium, settle
+from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, settle
 from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
@@ -244,9 +244,9 @@ class MuscleLayer:
         """Equilibria with the neighbours' contact planes renewed until the shapes have settled."""
         records: list[Record] = []
 
-        def in_place(x: Array) -> Array:
+        def in_place(x: Array, enough: NearEnough | None) -> Array:
             potentials = [*free, *self._contacts(obstacles, x)]
-            found = self._equilibrium(potentials, x, frame)
+            found = self._equilibrium(potentials, x, frame, enough=enough)
             records.append(found.record)
             return found.x
 
@@ -357,7 +357,12 @@ class MuscleLayer:
         ]
 
     def _equilibrium(
-        self, potentials: Sequence[Potential], x: Array, frame: str, exactly: bool = True
+        self,
+        potentials: Sequence[Potential],
+        x: Array,
+        frame: str,
+        exactly: bool = True,
+        enough: NearEnough | None = None,
     ) -> Equilibrium:
         """The equilibrium near x (n, 3); not `exactly`: what a start of another solve needs."""
         options = equilibrium.Options(
@@ -366,6 +371,7 @@ class MuscleLayer:
             max_step=LONGEST,
             barrier=True,
             single=True,
+            enough=enough,
             name=f"muscles of {frame}",
         )
         if not exactly:
