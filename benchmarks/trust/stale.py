@@ -193,6 +193,7 @@ CHANGES = [
             "skeleton": (True, "export_skeleton require_frames"),
             "equilibria": (True, "evaluate_frames find_equilibria"),
             "muscle_barrier": (True, "simulate"),
+            "follow": (True, "simulate"),
             "mechanics": (True, "export_mechanics require_frames"),
             "deviations": (
                 True,

@@ -84,13 +84,14 @@ def test_solves_before_the_last_end_early_and_the_last_one_does_not():
     assert [count for count, _ in ends] == [40] * exact.renewals
     early = solve(told=True)
     counts, errors = zip(*ends, strict=True)
+    first = LIMITS.renewals // 4
     assert early.rests and early.x == pytest.approx(exact.x, abs=0.01)
-    assert counts[-1] == 40 and errors[-1] < 1e-9
-    assert max(counts[:-1]) < 15 and max(errors) < 0.5 * LIMITS.settled
+    assert max(counts[:first]) < 15 and max(errors[:first]) < 0.5 * LIMITS.settled
+    assert set(counts[first:]) == {40} and max(errors[first:]) < 1e-9
 
 
 def test_where_nothing_rests_no_result_is_of_a_solve_that_ended_early():
-    """The first half of the renewals moves less, but those solves were told to end early."""
+    """The first quarter of the renewals moves less, but those solves were told to end early."""
 
     def restless(x, enough):
         motion = np.zeros_like(x)
@@ -100,7 +101,7 @@ def test_where_nothing_rests_no_result_is_of_a_solve_that_ended_early():
         return x + motion
 
     settled = settle(restless, START, LIMITS, "body")
-    assert settled.motion == pytest.approx(0.3) and settled.chosen > LIMITS.renewals // 2
+    assert settled.motion == pytest.approx(0.3) and settled.chosen > LIMITS.renewals // 4
 
 
 def test_what_never_rests_is_warned_of_and_the_least_motion_taken(caplog):

@@ -52,13 +52,16 @@ def test_solutions_are_as_good_as_asked_for(tolerance: float) -> None:
 
 
 def test_where_single_precision_fails_factors_are_double(caplog: pytest.LogCaptureFixture) -> None:
-    """Springs of 1e9 times the stiffness: positive definite, but not in single precision."""
+    """Springs of 1e9 times the stiffness: positive definite, but not in single precision.
+
+    Rounding of their products alone leaves a residual of about 1e-6.
+    """
     between = np.random.default_rng(1).normal(size=(40, FORCES.size)) / np.sqrt(FORCES.size)
     matrix = (stiffness() + 1e9 * sp.csr_matrix(between.T @ between)).tocsr()
     sequence = SystemSequence(memory_limit=1e12, single=True)
     with caplog.at_level("INFO"):
-        x = sequence.solve(matrix, FORCES, tolerance=1e-6)
-    assert np.linalg.norm(FORCES - matrix @ x) <= 1e-6 * np.linalg.norm(FORCES)
+        x = sequence.solve(matrix, FORCES, tolerance=1e-5)
+    assert np.linalg.norm(FORCES - matrix @ x) <= 1e-5 * np.linalg.norm(FORCES)
     assert backend != "mkl" or "double precision from here on" in caplog.text
 
 

@@ -136,6 +136,49 @@ def test_a_killed_chunk_goes_on_from_what_it_kept():
     assert (solved, len(layers[0].saw)) == (2, 3)
 
 
+class _Following(_Shifted):
+    """A layer that notes which frame it starts from, and cannot start from `lift9.0`."""
+
+    def __init__(self, name, needs):
+        super().__init__(name, needs)
+        self.starts = []
+
+    def solve_after(self, before, frame, below):
+        then, shapes = before
+        self.starts.append((frame.name, then.name, sorted(shapes)))
+        if then.name == "lift9.0":
+            raise ConvergenceError(self.name, "too far")
+        return super().solve(frame, below)
+
+
+def test_frames_follow_one_another_where_they_are_asked_to():
+    bones, flesh = _Shifted("bones", ()), _Following("flesh", ("bones",))
+    fat = _Picky("fat", ("bones",))
+    wanted = [_frame(x) for x in (1.0, 2.0, 9.0, 4.0)]  # the fat fails in lift2.0
+    found = simulate(wanted, [bones, flesh, fat], follow=True)
+    every = ["bones", "fat", "flesh"]  # an aid is no organ, but the frame after starts from it
+    assert flesh.starts == [
+        ("lift2.0", "lift1.0", every),
+        ("lift9.0", "lift1.0", every),
+        ("lift4.0", "lift9.0", every),
+    ]
+    assert [(f.name, list(shapes)) for f, shapes in found.frames] == [
+        (name, ["bones", "fat"]) for name in ("lift1.0", "lift9.0", "lift4.0")
+    ]
+    assert len(flesh.saw) == 4  # each frame once, the last one from its own start
+
+    flesh.starts.clear()
+    simulate(wanted, [bones, flesh, fat])
+    assert flesh.starts == []
+
+
+def test_a_killed_chunk_whose_frames_follow_one_another_begins_anew():
+    layers, wanted = [_Following("bones", ())], [_frame(1.0), _frame(2.0)]
+    first = simulate(wanted[:1], layers, follow=True)
+    simulate(wanted, layers, {"lift1.0": first.frames[0]}, follow=True)
+    assert len(layers[0].saw) == 3 and layers[0].starts == [("lift2.0", "lift1.0", ["bones"])]
+
+
 def test_progress_is_logged(caplog):
     with caplog.at_level(logging.INFO, logger="handpipe.hand.simulation"):
         simulate([_frame(0.0), _frame(1.0)], [_Shifted("bones", ())])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,9 @@ def vertices_of(shapes: Shapes) -> dict[str, Array]:
     return {name: shape.vertices for name, shape in shapes.items()}
 
 
+SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer and body
+
+
 class Layer(Protocol):
     """A tissue of the simulation. `solve` is a static equilibrium: frames do not depend on one another."""
 
@@ -126,6 +129,35 @@ class Layer(Protocol):
 
         Parameters
         ----------
+        frame : Frame
+            Pose to simulate.
+        below : mapping of str to Shapes
+            Bodies of the layers that this one needs, by layer name.
+
+        Returns
+        -------
+        Shapes
+            Bodies by name.
+
+        Raises
+        ------
+        ConvergenceError
+            Where no equilibrium was found.
+        """
+        ...
+
+
+@runtime_checkable
+class FollowingLayer(Layer, Protocol):
+    """A layer that can start from where it is in another frame, which saves most of the way."""
+
+    def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As `solve`, near the layer's shapes in another frame.
+
+        Parameters
+        ----------
+        before : SimulatedFrame
+            The other frame, with the shapes of this layer and of those that it needs.
         frame : Frame
             Pose to simulate.
         below : mapping of str to Shapes

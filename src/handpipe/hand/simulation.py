@@ -1,4 +1,7 @@
-"""Layers solved inside out, frame by frame; frames do not depend on one another (Zheng 2022 §3, Fig. 5)."""
+"""Layers solved inside out, frame by frame (Zheng 2022 §3, Fig. 5).
+
+Frames do not depend on one another, unless each is to start from the one before.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from handpipe.core import Frame, HandpipeError, InputError, Layer, Shapes, organs
+from handpipe.core import (
+    ConvergenceError,
+    FollowingLayer,
+    Frame,
+    HandpipeError,
+    InputError,
+    Layer,
+    Shapes,
+    SimulatedFrame,
+    organs,
+)
 
 log = logging.getLogger(__name__)
 RIGID = 1e-6  # by which R^T R may differ from the identity
-SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer and body
 
 
 @dataclass(frozen=True)
@@ -98,6 +110,7 @@ def simulate(
     layers: Sequence[Layer],
     done: Mapping[str, SimulatedFrame] | None = None,
     keep: Callable[[Simulated], None] | None = None,
+    follow: bool = False,
 ) -> Simulated:
     """Simulate all frames; failed frames are absent from the result and named in its failures.
 
@@ -111,21 +124,25 @@ def simulate(
         Frames by name that an earlier run has finished.
     keep : callable, optional
         Called after each frame with the result so far, so that a killed run can be resumed.
+    follow : bool
+        Start each frame from the last one that was simulated, where a layer can, and from its own start where
+        that fails. Then a frame depends on those before it: `done` is left aside.
 
     Returns
     -------
     Simulated
         Finished frames and failures.
     """
-    frames, done = list(frames), done or {}
-    found = Simulated()
+    frames, done = list(frames), {} if follow else done or {}
+    found, before = Simulated(), None
     start = time.perf_counter()
     for count, frame in enumerate(frames, start=1):
-        result = done.get(frame.name) or _attempt(frame, layers)
+        result = done.get(frame.name) or _attempt(frame, layers, before)
         if isinstance(result, Failure):
             found.failures.append(result)
         else:
-            found.frames.append(result)
+            found.frames.append((frame, _organs(result[1])))
+            before = result if follow else None
         if keep is not None:
             keep(found)
         elapsed = time.perf_counter() - start
@@ -133,14 +150,16 @@ def simulate(
     return found
 
 
-def _attempt(frame: Frame, layers: Sequence[Layer]) -> SimulatedFrame | Failure:
+def _attempt(
+    frame: Frame, layers: Sequence[Layer], before: SimulatedFrame | None
+) -> SimulatedFrame | Failure:
     """The simulated frame, or why there is none; the traceback of an unexpected error is in the log."""
     shapes: dict[str, Shapes] = {}
     for layer in layers:
         try:
             if not shapes:  # the first layer is to name a frame that is no posture
                 _require_rigid(frame)
-            _solve(frame, layer, shapes)
+            _solve(frame, layer, shapes, before)
         except HandpipeError as error:
             failure = Failure(frame.name, layer.name, str(error))
             log.error("%s", failure)
@@ -149,16 +168,32 @@ def _attempt(frame: Frame, layers: Sequence[Layer]) -> SimulatedFrame | Failure:
             failure = Failure(frame.name, layer.name, f"unexpected {type(error).__name__}: {error}")
             log.exception("%s", failure)
             return failure
-    return frame, _organs(shapes)
+    return frame, shapes
 
 
-def _solve(frame: Frame, layer: Layer, shapes: dict[str, Shapes]) -> None:
+def _solve(
+    frame: Frame, layer: Layer, shapes: dict[str, Shapes], before: SimulatedFrame | None = None
+) -> None:
     """Add a layer's shapes to those of the layers below it, unless they are known."""
     if layer.name in shapes:
         return
     start = time.perf_counter()
-    shapes[layer.name] = layer.solve(frame, {name: shapes[name] for name in layer.needs if name in shapes})
+    below = {name: shapes[name] for name in layer.needs if name in shapes}
+    shapes[layer.name] = _after(before, layer, frame, below) or layer.solve(frame, below)
     log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)
+
+
+def _after(
+    before: SimulatedFrame | None, layer: Layer, frame: Frame, below: Mapping[str, Shapes]
+) -> Shapes | None:
+    """A layer's shapes in a frame, from those in the frame before; None where there is no way from these."""
+    if before is None or not isinstance(layer, FollowingLayer):
+        return None
+    try:
+        return layer.solve_after(before, frame, below)
+    except ConvergenceError as error:
+        log.info("frame %s: %s; again from its own start", frame.name, error)
+        return None
 
 
 def _require_rigid(frame: Frame) -> None:

@@ -33,6 +33,20 @@ def test_where_no_skin_touches_it_is_the_soft_tissue_of_the_skin():
     np.testing.assert_allclose(flesh, skin, atol=0.02)
 
 
+def test_after_another_frame_it_comes_to_rest_in_the_same_shape():
+    """The frame before is nearer than the blend of the bones: the planes need one renewal less."""
+    layer, still = FleshLayer(limb()), {"core": RigidTransform.identity()}
+    shifts = [below()["bones"]["core"].rest + [0.0, y, 0.0] for y in (0.95, 1.0)]
+    frames = [Frame(name, {}, still) for name in ("before", "shifted")]
+    shapes = [{"flesh": layer.solve(f, below(x))} for f, x in zip(frames, shifts, strict=True)]
+    alone = shapes[1]["flesh"]["flesh_mesh"]
+    after = layer.solve_after((frames[0], shapes[0]), frames[1], below(shifts[1]))["flesh_mesh"]
+    np.testing.assert_allclose(after.vertices, alone.vertices, atol=0.01)
+    moved = np.linalg.norm(shapes[0]["flesh"]["flesh_mesh"].vertices - alone.vertices, axis=1)
+    assert moved.max() > 0.04
+    assert after.figures["contact_renewals"] < alone.figures["contact_renewals"]
+
+
 def test_prongs_pressed_together_stay_round_and_pass_through_each_other():
     motions, body = together(2.8), tissue()
     frame = Frame("pressed", {}, {"palm": RigidTransform.identity(), **motions})

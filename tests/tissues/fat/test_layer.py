@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from handpipe.core.errors import ConvergenceError
-from handpipe.core.layers import Frame, Region
+from handpipe.core.layers import Frame, Region, Shape
 from handpipe.core.rigid import RigidTransform
 from handpipe.fem.elements import plasticity
 from handpipe.fem.solver.settling import Settled
@@ -155,6 +155,29 @@ def test_an_inverted_tet_is_not_handed_on(monkeypatch):
     monkeypatch.setattr(TissueLayer, "at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
     with pytest.raises(ConvergenceError, match=r"fat of hinged .* tets are inverted, .* mm from core"):
         layer.solve(Frame("hinged", {}, REST), below(core))
+
+
+def test_after_another_frame_it_starts_from_there(monkeypatch):
+    """A limb that is turned as a whole takes its tissue along. Its own starts remain as others."""
+    layer, bent = TissueLayer("fat", limb(Region.fixed)), _bent(0.4)
+    mesh = layer.tissue.mesh
+    x = mesh.vertices + np.random.default_rng(0).normal(0.0, 0.2, mesh.vertices.shape)
+    before = Frame("before", {}, REST), {"fat": {"fat_mesh": Shape(mesh.vertices, x, mesh.tets)}}
+    asked = []
+
+    def at_rest(self, frame, below, starts):
+        asked.extend(starts)
+        return Settled(starts[0], 1, 0.0)
+
+    turned = dict.fromkeys(REST, bent["core"])
+    monkeypatch.setattr(TissueLayer, "at_rest", at_rest)
+    posed = below(bent["core"](below()["bones"]["core"].rest))
+    found = layer.solve_after(before, Frame("turned", {}, turned), posed)["fat_mesh"]
+    np.testing.assert_allclose(found.vertices, bent["core"](x), atol=1e-9)
+    assert [
+        len(asked),
+        *(np.abs(a - b).max() for a, b in zip(asked[1:], layer.starts(turned), strict=True)),
+    ] == [2, 0]
 
 
 @pytest.mark.parametrize("bare", [{}, {"nails": {}}, {"shifts": None}])

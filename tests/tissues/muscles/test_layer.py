@@ -287,6 +287,35 @@ def test_muscles_that_would_overlap_are_kept_apart():
     assert Distance(high).signed(low.vertices)[0].min() > -0.1
 
 
+def test_after_another_frame_touching_muscles_rest_in_the_same_shape():
+    layer = MuscleLayer([muscle("low"), muscle("high", (0.0, 0.0, 6.3))])
+    before = Frame("before", {}, hinge(0.75))
+    below = {"bones": BoneLayer(hinge_bones()).solve(before, {})}
+    frame = Frame("pose", {}, hinge(0.8))
+    alone = solve(layer, 0.8)
+    after = layer.solve_after(
+        (before, {"muscles": layer.solve(before, below), **below}),
+        frame,
+        {"bones": BoneLayer(hinge_bones()).solve(frame, {})},
+    )
+    for name in ("low", "high"):
+        assert np.linalg.norm(after[name].vertices - alone[name].vertices, axis=1).max() < 0.03
+    assert after["low"].figures["contact_renewals"] < alone["low"].figures["contact_renewals"]
+
+
+def test_after_another_frame_a_muscle_starts_turned_with_its_limb():
+    known, pose = known_beside_its_flesh()
+    layer = MuscleLayer([known], contact=False)
+    motion = RigidTransform(np.eye(3)[[2, 0, 1]], np.array([50.0, -20.0, 10.0]))
+    turned = {bone: motion @ transform for bone, transform in pose.items()}
+    before, there = Frame("pose", {}, pose), around(pose, FLESH.vertices)
+    shapes = {**there, "muscles": layer.solve(before, there)}
+    starts = []
+    layer._near = lambda start, frame, below: starts.append(start)
+    layer.solve_after((before, shapes), Frame("turned", {}, turned), around(turned, motion(FLESH.vertices)))
+    np.testing.assert_allclose(starts[0], motion(shapes["muscles"]["m_mesh"].vertices), atol=1e-9)
+
+
 def test_artifact_round_trip(tmp_path):
     known = muscle("m")
     known.save(tmp_path / "m.h5")

@@ -48,6 +48,11 @@ class Scene(Model):
         None, min_length=1, description="bones or fingers that are modelled, with the bones that carry them"
     )
     chunk: int = Field(4, ge=1, description="frames in one job")
+    follow: bool = Field(
+        False,
+        description="start each frame of a job from the one before: about half the time; frames then depend "
+        "on those before, and a killed job begins anew",
+    )
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
@@ -98,6 +103,8 @@ class Scene(Model):
             raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
         if self.level in WITHOUT_TETS and (self.mechanics or self.equilibria):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
+        if self.level != "full" and self.follow:
+            raise ValueError(f"follow: frames of level {self.level} do not start from others")
         if self.level != "full" and self.deviations:
             raise ValueError(f"level: {self.level} has errors of its own: deviations are of `full` alone")
         if self.level == "L3" and self.equilibria:

@@ -14,6 +14,7 @@ log = logging.getLogger(__name__)
 
 CONTRACTING = 0.9  # of the motion before: a motion larger than this does not die away
 LEAST_SHARE = 0.25  # of a motion that is carried out, at least
+EARLY = 4  # one in so many renewals, the first ones, may end early
 CLEARLY, ROUGHLY = 1.2, 0.5  # of the settled motion: above and below it, see `NearEnough`
 
 
@@ -146,8 +147,8 @@ def settle(
     ----------
     equilibrium : callable
         From positions (n, 3) in mm where planes are taken to the equilibrium (n, 3) in mm under these planes.
-        It may end early where its second argument, if not None, says so; in the later half of all renewals
-        it may not.
+        It may end early where its second argument, if not None, says so: at the first quarter of all
+        renewals, where planes are still far from those of the result.
     x : array (n, 3)
         Positions in mm where the first planes are taken.
     limits : Limits
@@ -175,7 +176,7 @@ def settle(
     shares, before, last = np.ones(len(parts)), np.full(len(parts), np.inf), np.zeros_like(x)
     best = Settled(x, 0, np.inf)
     for count in range(1, limits.renewals + 1):
-        early = NearEnough(x, limits.settled, measure) if count <= limits.renewals // 2 else None
+        early = NearEnough(x, limits.settled, measure) if count <= limits.renewals // EARLY else None
         found = equilibrium(x, early)
         step = found - x
         motion = measure(step)

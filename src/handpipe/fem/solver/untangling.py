@@ -82,7 +82,7 @@ def uncrushed(energy: Sum, x: Array, free: BoolArray, options: Options, workspac
 
     Where tets are inverted at x the barrier is quadratic at first: they turn over before it is steep.
     """
-    record = Record()
+    record, options = Record(), replace(options, enough=None)
     brief = replace(options, name=f"{options.name}, tets turn over")
     for steepest in TURNING:
         if least_volume(energy, x) > 0.0:

@@ -40,7 +40,7 @@ def simulate(
     """One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
 
     partial: finished frames of a killed job, or of one with failed frames; they are not made again where
-    layers and `made_of` are the same.
+    layers and `made_of` are the same, unless each frame is to start from the one before.
     """
     rig = Rig.load(inputs.rig)
     wanted = driven_frames(inputs.frames, rig, dataset, scene, chunk)
@@ -49,6 +49,8 @@ def simulate(
     if scene.muscle_barrier:
         layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
         asked["muscle_barrier"] = "true"
+    if scene.follow:
+        asked["follow"] = "true"
     key = key_of([inputs.rig, *inputs.layers], {**made_of, **asked})
 
     def keep(found: Simulated) -> None:
@@ -56,7 +58,8 @@ def simulate(
         if len(found.frames) + len(found.failures) < len(wanted):
             write_frames(partial, found.frames, key=key)
 
-    found = simulate_frames(wanted, layers, finished_frames(partial, key, wanted), keep)
+    done = finished_frames(partial, key, wanted)
+    found = simulate_frames(wanted, layers, done, keep, scene.follow)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
     partial.unlink(missing_ok=True)
     for failure in found.failures:

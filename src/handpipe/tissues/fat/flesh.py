@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import LAYERS, Frame, Shape, Shapes, vertices_of
+from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, vertices_of
 from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.tissue import Tissue
@@ -30,16 +30,32 @@ class FleshLayer:
         self.tissue = replace(tissue, skin_contact=False)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """The tissue's tets at equilibrium.
+        """The tissue's tets at equilibrium, from the blend of the bones.
 
         Raises
         ------
         ConvergenceError
             Where there is no equilibrium, or tets are inverted.
         """
+        return self._near(self.tissue.pose(frame.bones), frame, below)
+
+    def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The tissue's tets at equilibrium, from those of another frame as the bones carry them.
+
+        Raises
+        ------
+        ConvergenceError
+            As `solve`.
+        """
+        then, shapes = before
+        x = shapes[self.name]["flesh_mesh"].vertices
+        return self._near(self.tissue.carried(x, then.bones, frame.bones), frame, below)
+
+    def _near(self, start: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The tissue's tets at equilibrium near a start (n, 3)."""
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
-        settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)
+        settled = tissue.solve(below, rigid, None, start, BRIEFLY)
         rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
         validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))
         figures = settled.figures | settled.validity | validity.figures

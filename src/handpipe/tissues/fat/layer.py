@@ -18,6 +18,7 @@ from handpipe.core import (
     RigidTransform,
     Shape,
     Shapes,
+    SimulatedFrame,
     artifacts,
     vertices_of,
 )
@@ -203,9 +204,25 @@ class TissueLayer:
         ConvergenceError
             Where there is no equilibrium, or tets are inverted, or the skin cannot be kept out of itself.
         """
+        return self._from(self.starts(frame.bones), frame, below)
+
+    def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As `solve`, with the tissue of another frame, as the bones carry it, as the first guess.
+
+        Raises
+        ------
+        ConvergenceError
+            As `solve`.
+        """
+        then, shapes = before
+        x = shapes[self.name][f"{self.name}_mesh"].vertices
+        first = self.tissue.carried(x, then.bones, frame.bones)
+        return self._from([first, *self.starts(frame.bones)], frame, below)
+
+    def _from(self, starts: Sequence[Array], frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         tissue = self.tissue
         self._warn_beyond(frame)
-        settled = self.at_rest(frame, below, self.starts(frame.bones))
+        settled = self.at_rest(frame, below, starts)
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         validity = tissue.validity(x)

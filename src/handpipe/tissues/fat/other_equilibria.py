@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handpipe.core import Array, ConvergenceError, Frame, Shapes
+from handpipe.core import Array, ConvergenceError, Frame, Shapes, SimulatedFrame
 from handpipe.tissues.fat.layer import TissueLayer
 
 log = logging.getLogger(__name__)
@@ -52,7 +52,7 @@ def restarts(
     layer: TissueLayer,
     frame: Frame,
     shapes: Mapping[str, Shapes],
-    neighbours: Sequence[tuple[Frame, Mapping[str, Shapes]]] = (),
+    neighbours: Sequence[SimulatedFrame] = (),
 ) -> list[Restart]:
     """Simulate the outermost layer of a frame again, from the blend of the bones and from other frames.
 
@@ -64,7 +64,7 @@ def restarts(
         A simulated frame.
     shapes : mapping of str to Shapes
         Its shapes by layer and body, those of the layer and of the layers below it.
-    neighbours : sequence of (Frame, mapping of str to Shapes)
+    neighbours : sequence of SimulatedFrame
         Frames whose shapes of the layer are starts, too. They are carried to this frame by the bones.
 
     Returns
@@ -75,8 +75,7 @@ def restarts(
     tissue = layer.tissue
     starts = {BLEND: tissue.pose(frame.bones)}
     for other, known in neighbours:
-        shifts = tissue.shifts(other.bones, _tets_of(layer, known))
-        starts[other.name] = tissue.pose(frame.bones, shifts)
+        starts[other.name] = tissue.carried(_tets_of(layer, known), other.bones, frame.bones)
     return [_restarted(layer, frame, shapes, name, start) for name, start in starts.items()]
 
 

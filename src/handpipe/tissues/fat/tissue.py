@@ -176,6 +176,12 @@ class Tissue:
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
 
+    def carried(
+        self, x: Array, bones: Mapping[str, RigidTransform], others: Mapping[str, RigidTransform]
+    ) -> Array:
+        """Vertices (n, 3) of a pose of the bones, carried by them to another pose."""
+        return self.pose(others, self.shifts(bones, x))
+
     def skin_barrier(self) -> Barrier | None:
         """A fresh barrier of the skin against itself; None where the neutral skin intersects itself."""
         known = self._neutral_barrier

@@ -17,7 +17,18 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import LAYERS, Array, BoolArray, Frame, IntArray, RigidTransform, Shape, Shapes, flesh_in
+from handpipe.core import (
+    LAYERS,
+    Array,
+    BoolArray,
+    Frame,
+    IntArray,
+    RigidTransform,
+    Shape,
+    Shapes,
+    SimulatedFrame,
+    flesh_in,
+)
 from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, contact_pressures, left_deep
 from handpipe.fem.elements import Material, Validity
 from handpipe.fem.minimisation import Equilibrium, Record
@@ -158,17 +169,45 @@ class MuscleLayer:
         ConvergenceError
             Where there is no equilibrium, or muscles cannot be kept apart behind the barrier.
         """
-        bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
+        return self._near(np.concatenate(self._places(frame, below)), frame, below)
+
+    def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As `solve`, near the muscles of another frame.
+
+        A muscle begins as far from its surroundings as it is in that frame, in directions that turn with its
+        reference bone.
+
+        Raises
+        ------
+        ConvergenceError
+            As `solve`.
+        """
+        then, shapes = before
+        starts = []
+        were, are = self._places(then, shapes), self._places(frame, below)
+        for muscle, was, place in zip(self.muscles, were, are, strict=True):
+            x, bone = shapes[self.name][f"{muscle.name}_mesh"].vertices, muscle.space.reference
+            turn = frame.bones[bone].rotation @ then.bones[bone].rotation.T
+            starts.append(place + (x - was) @ turn.T)
+        return self._near(np.concatenate(starts), frame, below)
+
+    def _places(self, frame: Frame, below: Mapping[str, Shapes]) -> list[Array]:
+        """Each muscle's vertices (n, 3) where what surrounds it takes them in a frame."""
+        bones, flesh = _neutral(below), flesh_in(below)
+        return [m.places(bones, frame.bones, flesh) for m in self.muscles]
+
+    def _near(self, start: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The shapes of `solve`, near a start (N, 3)."""
+        bones = _neutral(below)
         strains = [m.strains(frame.bones) for m in self.muscles]
         elastic = self.elastic.with_strains(np.concatenate(strains))
-        flesh = flesh_in(below)
-        x = np.concatenate([m.places(bones, frame.bones, flesh) for m in self.muscles])
-        constraints = [self._attachments(frame.bones), *self._bed(x)]
+        bed = self._bed(np.concatenate(self._places(frame, below)))
+        constraints = [self._attachments(frame.bones), *bed]
         posed = each_moved(bones, frame.bones)
         if self.contact:
             obstacles = [self._to_bones.to(name, bones[name].vertices, bone) for name, bone in posed.items()]
             free = [elastic, *constraints]
-            settled = self._in_contact(free, x, obstacles, frame.name)
+            settled = self._in_contact(free, start, obstacles, frame.name)
             if self.options.barrier:
                 bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)
                 settled = kept_apart(
@@ -179,7 +218,7 @@ class MuscleLayer:
                 )
             shapes = self._shapes(frame.name, settled, strains, posed, settled.figures)
             return self._with_penetration(shapes, dict(zip(posed, obstacles, strict=True)), frame.name)
-        found = self._equilibrium([elastic, *constraints], x, frame.name)
+        found = self._equilibrium([elastic, *constraints], start, frame.name)
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
         return self._shapes(frame.name, alone, strains, posed, {})
 
@@ -199,8 +238,7 @@ class MuscleLayer:
         """
         if not self.contact:
             return {}
-        neutral = {n: Surface(s.rest, s.cells) for n, s in shapes["bones"].items()}
-        bones = [Distance(bone) for bone in each_moved(neutral, frame.bones).values()]
+        bones = [Distance(bone) for bone in each_moved(_neutral(shapes), frame.bones).values()]
         posed = [m.body.surface.moved(shapes[self.name][m.name].vertices) for m in self.muscles]
         starts = np.cumsum([0, *(len(s.vertices) for s in posed)])
         parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
@@ -437,6 +475,11 @@ def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float) ->
     apart, places, normals = zip(*planes, strict=True)
     stack = sparse.vstack(apart, format="csr")
     return [kind(stack, np.concatenate(places), np.concatenate(normals), stiffness)]
+
+
+def _neutral(below: Mapping[str, Shapes]) -> dict[str, Surface]:
+    """The neutral bones."""
+    return {name: Surface(shape.rest, shape.cells) for name, shape in below["bones"].items()}
 
 
 def _without(matrix: sparse.csr_matrix, rows: IntArray) -> sparse.csr_matrix:
