@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.threads import take_threads
 
 if TYPE_CHECKING:  # loading it loads numba, which reads its number of threads then
-    from handpipe.core import Array, Frame, Layer, Metrics, Shapes
+    from handpipe.core import Array, Frame, Layer, Metrics, Shapes, SimulatedFrame
 
 ROOT = Path(__file__).parents[2]
 
@@ -59,12 +59,17 @@ def scene_of(folder: Path, scene_file: Path, subject: str) -> tuple[list[Layer],
     from handpipe.core.configuration import load_dataset, load_scene
     from handpipe.hand import load_layers
     from handpipe.skeleton.drivers import read_frames
+    from handpipe.skeleton.motion import expand_motion, is_motion
     from handpipe.skeleton.rig import Rig
 
     rig, dataset = Rig.load(folder / "rig.h5"), load_dataset(ROOT / f"config/datasets/{subject}.yaml")
     scene = load_scene(scene_file)
     files = [folder / path for path in artifacts_of(scene.needed, dataset)]
-    poses = read_frames(ROOT / scene.frames, rig, hand=dataset.hand, bones=scene.bones)
+    file = ROOT / scene.frames
+    if is_motion(file):
+        poses = expand_motion(file, rig, hand=dataset.hand, recording=scene.recording).frames
+    else:
+        poses = read_frames(file, rig, hand=dataset.hand, bones=scene.bones)
     frames = [Frame(name, angles, rig.bone_transforms(angles)) for name, angles in poses.items()]
     return load_layers(scene.needed, dataset, files, rig.surfaces), frames
 
@@ -104,13 +109,21 @@ def changes(vertices: Mapping[str, Array], before: Mapping[str, Array]) -> Metri
     return figures
 
 
-def costs_of(frame: Frame, layers: Sequence[Layer]) -> tuple[Costs, dict[str, Shapes]]:
-    """Processor seconds of each layer of a frame, and its shapes by layer."""
+def costs_of(
+    frame: Frame, layers: Sequence[Layer], before: SimulatedFrame | None = None
+) -> tuple[Costs, dict[str, Shapes]]:
+    """Processor seconds of each layer of a frame, and its shapes by layer; after another one, if given."""
+    from handpipe.core import FollowingLayer
+
     shapes: dict[str, Shapes] = {}
     costs: Costs = {}
     for layer in layers:
         start = time.process_time()
-        shapes[layer.name] = layer.solve(frame, {n: shapes[n] for n in layer.needs if n in shapes})
+        below = {n: shapes[n] for n in layer.needs if n in shapes}
+        if before is not None and isinstance(layer, FollowingLayer):
+            shapes[layer.name] = layer.solve_after(before, frame, below)
+        else:
+            shapes[layer.name] = layer.solve(frame, below)
         costs[layer.name] = time.process_time() - start
     print(frame.name, ", ".join(f"{name} {seconds:.2f} s" for name, seconds in costs.items()), flush=True)
     return costs, shapes

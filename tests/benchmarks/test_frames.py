@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from benchmarks.frames.following import followed, uneven
 from benchmarks.frames.mixtures import mixtures
 from benchmarks.frames.muscles import Result, figures
+
+from handpipe.core import Frame, Shape
 
 SCANNED = {"bent": {"a": 1.0, "b": 0.0}, "turned": {"a": 0.0, "b": 2.0}}
 
@@ -23,3 +26,40 @@ def test_a_pose_without_result_is_counted_and_no_mean_is_taken_of_it():
     assert [found[f"poses{kind}"][0] for kind in ("", "_failed", "_at_rest")] == [3, 1, 1]
     assert found["seconds_mean"] == (10.0, "s") and found["overlap_max"] == (0.1, "mm")
     assert figures([failed])["poses_failed"] == (1.0, "1")
+
+
+class _Halving:
+    """A skin at twice the angle, which misses an eighth of the way from where it starts."""
+
+    name, needs = "skin", ()
+
+    def solve(self, frame, below):
+        return self._near(0.0, frame)
+
+    def solve_after(self, before, frame, below):
+        return self._near(before[1]["skin"]["skin"].vertices[0, 0], frame)
+
+    def _near(self, start, frame):
+        end = 2 * frame.angles["a"]
+        x = np.array([[end + (start - end) / 8, 0.0, 0.0]])
+        return {"skin": Shape(x, x, np.zeros((0, 3), int))}
+
+
+def test_frames_from_the_frame_before_are_compared_with_those_from_their_own_start():
+    found = followed([_Halving()], [Frame(str(a), {"a": a}, {}) for a in (1.0, 2.0, 3.0, 4.0)])
+    # Alone: 1.75 times the angle. After: 1.75, 3.5 + 1.75 / 8, ...
+    after = [1.75]
+    for a in (2.0, 3.0, 4.0):
+        after.append(1.75 * a + after[-1] / 8)
+    apart = np.array(after) - [1.75, 3.5, 5.25, 7.0]
+    assert found["skin_apart_max"] == (pytest.approx(apart.max()), "mm")
+    assert found["skin_apart_mean"] == (pytest.approx(apart.mean()), "mm")
+    assert found["uneven_max"] == (pytest.approx(0.0, abs=1e-12), "mm")
+    middles = [after[i] - (after[i - 1] + after[i + 1]) / 2 for i in (1, 2)]
+    assert found["uneven_max_after"] == (pytest.approx(np.abs(middles).max()), "mm")
+    assert set(found) >= {"frames", "skin_seconds", "skin_seconds_after", "frame_ratio"}
+
+
+def test_unevenness_is_the_distance_from_the_middle():
+    line = [np.array([[0.0, 0.0, 0.0]]), np.array([[1.0, 0.3, 0.0]]), np.array([[2.0, 0.0, 0.0]])]
+    assert uneven(line) == pytest.approx(0.3)
