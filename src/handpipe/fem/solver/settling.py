@@ -79,8 +79,19 @@ class Settled:
 class NearEnough:
     """Tells a solve that it may end where its planes will be taken anew: exactness would be lost there.
 
-    So it is where the shape has clearly left the positions (n, 3) at which the planes were taken, and the
-    last step was small. `told` says whether some solve was told so.
+    So it is where the shape has clearly left the positions at which the planes were taken, and the last step
+    was small.
+
+    Parameters
+    ----------
+    planes : array (n, 3)
+        Positions in mm at which the planes were taken.
+    settled : float
+        Motion in mm below which planes need no renewal.
+    measure : callable
+        From a motion (n, 3) in mm to its size in mm.
+    told : bool
+        Whether some solve was told that it may end.
     """
 
     planes: Array
