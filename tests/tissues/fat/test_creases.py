@@ -159,9 +159,25 @@ def test_rigid_motion_of_all_bones_moves_the_tissue_rigidly(tissue: Tissue) -> N
 def test_bones_partway_turn_by_a_share_of_each_hinge() -> None:
     whole = bent(80.0).bones
     for share in (0.25, 1.0):
-        found, expected = partway(whole, rig().parents, share), bent(80.0 * share).bones
-        for bone in whole:
-            np.testing.assert_allclose(found[bone].matrix, expected[bone].matrix, atol=1e-12)
+        for origin in (0.0, 30.0):
+            found = partway(bent(origin).bones, whole, rig().parents, share)
+            expected = bent(origin + (80.0 - origin) * share).bones
+            for bone in whole:
+                np.testing.assert_allclose(found[bone].matrix, expected[bone].matrix, atol=1e-12)
+
+
+def test_after_a_frame_near_it_folds_as_from_neutral(tissue: Tissue, folded) -> None:
+    frame, before = bent(80.0), bent(74.0)
+    layer, bones = CreaseLayer("skin", tissue), BoneLayer(rig().surfaces)
+    shapes = {"skin": solved(tissue, 74.0)}
+    after = layer.solve_after((before, shapes), frame, {"bones": bones.solve(frame, {})})
+    assert after["skin"].figures["fold_depth"] == pytest.approx(
+        folded["skin"].figures["fold_depth"], abs=0.05
+    )
+    apart = np.linalg.norm(after["skin"].vertices - folded["skin"].vertices, axis=1)
+    moved = np.linalg.norm(shapes["skin"]["skin"].vertices - folded["skin"].vertices, axis=1)
+    assert apart.mean() < 0.01 and apart.max() < 0.1 * moved.max()
+    assert len(crossings(Surface(after["skin"].vertices, after["skin"].cells))) == 0
 
 
 def test_its_file_keeps_the_creases_and_a_plain_tissue_has_none(tissue: Tissue, tmp_path) -> None:

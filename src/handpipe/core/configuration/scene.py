@@ -103,7 +103,7 @@ class Scene(Model):
             raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
         if self.level in WITHOUT_TETS and (self.mechanics or self.equilibria):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
-        if self.level != "full" and self.follow:
+        if self.level in WITHOUT_TETS and self.follow:
             raise ValueError(f"follow: frames of level {self.level} do not start from others")
         if self.level != "full" and self.deviations:
             raise ValueError(f"level: {self.level} has errors of its own: deviations are of `full` alone")

@@ -204,7 +204,7 @@ class TissueLayer:
         ConvergenceError
             Where there is no equilibrium, or tets are inverted, or the skin cannot be kept out of itself.
         """
-        return self._from(self.starts(frame.bones), frame, below)
+        return self.shapes_at(self.at_rest(frame, below, self.starts(frame.bones)), frame, below)
 
     def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """As `solve`, with the tissue of another frame, as the bones carry it, as the first guess.
@@ -217,13 +217,13 @@ class TissueLayer:
         then, shapes = before
         x = shapes[self.name][f"{self.name}_mesh"].vertices
         first = self.tissue.carried(x, then.bones, frame.bones)
-        return self._from([first, *self.starts(frame.bones)], frame, below)
+        starts = [first, *self.starts(frame.bones)]
+        return self.shapes_at(self.at_rest(frame, below, starts), frame, below)
 
-    def _from(self, starts: Sequence[Array], frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        tissue = self.tissue
+    def shapes_at(self, settled: Settled, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """What `solve` hands on of an equilibrium in a frame."""
+        tissue, x = self.tissue, settled.x
         self._warn_beyond(frame)
-        settled = self.at_rest(frame, below, starts)
-        x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         validity = tissue.validity(x)
         validity.require(f"{self.name} of {frame.name}", vertices_of(below.get("bones", {})))

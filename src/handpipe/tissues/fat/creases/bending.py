@@ -1,4 +1,7 @@
-"""The tissue with creases in a frame: bent from neutral in steps, its skin behind a barrier all the way."""
+"""The tissue with creases in a frame: bent in steps from neutral, or from another frame.
+
+Its skin is behind a barrier all the way.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,20 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, ConvergenceError, Frame, RigidTransform, Shapes, left_jacobian
+from handpipe.core import (
+    Array,
+    ConvergenceError,
+    Frame,
+    RigidTransform,
+    Shapes,
+    SimulatedFrame,
+    left_jacobian,
+)
 from handpipe.fem.contact import Barrier
 from handpipe.fem.solver import Settled
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.creases.fold_form import fold_form
+from handpipe.tissues.fat.creases.materials import Creases
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.skin_barrier import Scene, behind
 from handpipe.tissues.fat.tissue import OPTIONS, Tissue
@@ -60,13 +72,28 @@ class CreaseLayer(TissueLayer):
         barrier = tissue.skin_barrier()
         if tissue.creases is None or barrier is None:
             return super().at_rest(frame, below, starts)
-        x = self._bent(frame, below, barrier, tissue.creases.parents)
-        scene = Scene(tissue, below, self.rigid(frame.bones), tissue.elastic)
-        return behind(scene, barrier, x)
+        still = dict.fromkeys(frame.bones, RigidTransform.identity())
+        return self._bent(tissue.mesh.vertices, still, frame, below, barrier, tissue.creases)
 
-    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """As `TissueLayer.solve`; the skin's figures tell, too, how deep (mm) and sharp (deg) it folds."""
-        shapes, creases = super().solve(frame, below), self.tissue.creases
+    def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As `solve`, bent from another frame.
+
+        Raises
+        ------
+        ConvergenceError
+            Where a step fails, however small.
+        """
+        tissue, barrier = self.tissue, self.tissue.skin_barrier()
+        if tissue.creases is None or barrier is None:
+            return super().solve_after(before, frame, below)
+        then, shapes = before
+        x = np.asarray(shapes[self.name][f"{self.name}_mesh"].vertices)
+        settled = self._bent(x, then.bones, frame, below, barrier, tissue.creases)
+        return self.shapes_at(settled, frame, below)
+
+    def shapes_at(self, settled: Settled, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As of `TissueLayer`; the skin's figures tell, too, how deep (mm) and sharp (deg) it folds."""
+        shapes, creases = super().shapes_at(settled, frame, below), self.tissue.creases
         if creases is None:
             return shapes
         skin, neutral = shapes["skin"], self.tissue.skin
@@ -74,16 +101,22 @@ class CreaseLayer(TissueLayer):
         return shapes | {"skin": replace(skin, figures=skin.figures | folds)}
 
     def _bent(
-        self, frame: Frame, below: Mapping[str, Shapes], barrier: Barrier, parents: Mapping[str, str]
-    ) -> Array:
-        """Positions (n, 3) near the equilibrium in a frame, reached from neutral without crossings."""
-        most = max((turn(frame.bones, child, parent) for child, parent in parents.items()), default=0.0)
+        self,
+        x: Array,
+        origin: Mapping[str, RigidTransform],
+        frame: Frame,
+        below: Mapping[str, Shapes],
+        barrier: Barrier,
+        creases: Creases,
+    ) -> Settled:
+        """The equilibrium in a frame, bent without crossings from x (n, 3), where bones are at `origin`."""
+        parents = creases.parents
+        most = max((turn(origin, frame.bones, child, of) for child, of in parents.items()), default=0.0)
         first = 1.0 / max(1, int(np.ceil(most / STEP)))
-        x, done, step = self.tissue.mesh.vertices, 0.0, first
-        before = dict.fromkeys(frame.bones, RigidTransform.identity())
+        done, step, before = 0.0, first, origin
         while done < 1.0:
             share = min(1.0, done + step)
-            bones = partway(frame.bones, parents, share)
+            bones = partway(origin, frame.bones, parents, share)
             scene = Scene(self.tissue, moved(below, bones), self.rigid(bones), self.tissue.elastic)
             start = self._carried(x, before, bones, barrier)
             try:
@@ -95,7 +128,7 @@ class CreaseLayer(TissueLayer):
                 log.info("%s: %s; halving the step", self.name, error)
                 continue
             done, before = share, bones
-        return x
+        return behind(Scene(self.tissue, below, self.rigid(frame.bones), self.tissue.elastic), barrier, x)
 
     def _carried(
         self,
@@ -106,19 +139,27 @@ class CreaseLayer(TissueLayer):
     ) -> Array:
         """Positions x (n, 3) moved on with the bones as far as the skin stays out of itself."""
         tissue = self.tissue
-        step = tissue.pose(bones, tissue.shifts(before, x)) - x
+        step = tissue.carried(x, before, bones) - x
         free = barrier.max_step(x, step)
         carried: Array = x + free * step
         return carried
 
 
 def partway(
-    bones: Mapping[str, RigidTransform], parents: Mapping[str, str], share: float
+    origin: Mapping[str, RigidTransform],
+    bones: Mapping[str, RigidTransform],
+    parents: Mapping[str, str],
+    share: float,
 ) -> dict[str, RigidTransform]:
-    """Bones at a share of their way from neutral: each turns by a screw relative to its parent."""
-    found = {name: part_of(bone, share) for name, bone in bones.items() if name not in parents}
+    """Bones at a share of their way from `origin`: each turns by a screw relative to its parent."""
+    found = {
+        name: origin[name] @ part_of(origin[name].inverse() @ bone, share)
+        for name, bone in bones.items()
+        if name not in parents
+    }
     for child, parent in parents.items():
-        found[child] = found[parent] @ part_of(bones[parent].inverse() @ bones[child], share)
+        first, last = (pose[parent].inverse() @ pose[child] for pose in (origin, bones))
+        found[child] = found[parent] @ first @ part_of(first.inverse() @ last, share)
     return found
 
 
@@ -130,9 +171,12 @@ def part_of(transform: RigidTransform, share: float) -> RigidTransform:
     return RigidTransform(turned, left_jacobian(share * vector) @ (share * along))
 
 
-def turn(bones: Mapping[str, RigidTransform], child: str, parent: str) -> float:
-    """Angle in rad by which a bone has turned relative to another."""
-    return bones[parent].angle_to(bones[child])
+def turn(
+    origin: Mapping[str, RigidTransform], bones: Mapping[str, RigidTransform], child: str, parent: str
+) -> float:
+    """Angle in rad by which a bone turns relative to another, from `origin`."""
+    first, last = (pose[parent].inverse() @ pose[child] for pose in (origin, bones))
+    return first.angle_to(last)
 
 
 def moved(below: Mapping[str, Shapes], bones: Mapping[str, RigidTransform]) -> dict[str, Shapes]:
