@@ -108,7 +108,10 @@ def _pushed_apart(scene: Scene, x: Array) -> Array:
         if len(counts) > ROUNDS or (len(counts) > EARLY and counts[-1] > FALLEN * counts[0]):
             raise _no_room(scene, x, left)
         contact = pushes(tissue.skin, skin, tissue.skin_matrix, stiffness, margins)
-        x = scene.solve(contact, x, x).x
+        try:
+            x = scene.solve(contact, x, x).x
+        except ConvergenceError as error:  # as where pushes against one another turn tets inside out
+            raise _no_room(scene, x, left) from error
         margins[left] += GROWTH
 
 
