@@ -34,6 +34,22 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def test_a_template_of_no_hand_of_the_family_is_named(
+    folder: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "family").mkdir()
+    for name in ("removed.h5", "notes.txt"):
+        (folder / "family" / name).write_text("", encoding="utf-8")
+    monkeypatch.setattr("handpipe.anatomy.__main__.family", lambda template, hands, source: {})
+    monkeypatch.setattr("handpipe.anatomy.__main__._print_lengths", lambda hands: None)
+    assert main(documented("family")) == 0
+    said = capsys.readouterr().err
+    assert said == "handpipe: family holds removed.h5, too, of no hand in hands.yaml\n"
+    (folder / "family" / "removed.h5").unlink()
+    assert main(documented("family")) == 0
+    assert capsys.readouterr().err == ""
+
+
 def failure(arguments: list[str], capsys: pytest.CaptureFixture) -> str:
     """The one line with which a command fails."""
     assert main(arguments) == 1

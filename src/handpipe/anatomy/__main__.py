@@ -67,6 +67,10 @@ def family_of_hands(options: argparse.Namespace) -> None:
     for name, hand in hands.items():
         hand.save(options.output / f"{name}.h5", [options.template, options.hands])
     _print_lengths({"template": template, **hands})
+    others = sorted(path.name for path in options.output.glob("*.h5") if path.stem not in hands)
+    if others:
+        text = f"handpipe: {options.output} holds {', '.join(others)}, too, of no hand in {options.hands}"
+        print(text, file=sys.stderr)
 
 
 def _template(options: argparse.Namespace) -> SubjectTemplate:
