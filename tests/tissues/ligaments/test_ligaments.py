@@ -42,6 +42,15 @@ def test_ends_stay_on_their_bones_when_the_joint_bends():
         assert np.linalg.norm(shape.vertices[ids] - transforms[bone](shape.rest[ids]), axis=1).max() < 0.3
 
 
+def test_after_another_frame_it_has_the_same_shape():
+    ligaments, frames = layer(), [Frame(name, {}, hinge(angle)) for name, angle in (("a", 0.65), ("b", 0.7))]
+    bones = [{"bones": BoneLayer(hinge_bones()).solve(frame, {})} for frame in frames]
+    before, alone = (ligaments.solve(frame, below) for frame, below in zip(frames, bones, strict=True))
+    found = ligaments.solve_after((frames[0], {**bones[0], "ligaments": before}), frames[1], bones[1])
+    assert found["l"].vertices == pytest.approx(alone["l"].vertices, abs=1e-3)
+    assert np.abs(before["l"].vertices - alone["l"].vertices).max() > 0.5
+
+
 def test_bones_that_part_stretch_it():
     apart = {"a": RigidTransform.identity(), "b": RigidTransform(np.eye(3), np.array([3.0, 0, 0]))}
     shape = solve(apart)

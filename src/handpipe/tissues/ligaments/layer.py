@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from handpipe.core import LAYERS, Array, Frame, RigidTransform, Shapes
+from handpipe.core import LAYERS, Array, Frame, RigidTransform, Shapes, SimulatedFrame
 from handpipe.fem.elements import Material
 from handpipe.fem.potentials import Elastic
 from handpipe.mesh.surfaces import Surface
@@ -34,6 +34,15 @@ class LigamentLayer:
         shapes: Shapes = {}
         for layer in self._alone:
             shapes |= layer.solve(frame, below)
+        return shapes
+
+    def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As `solve`, each ligament near where it is in another frame."""
+        then, known = before
+        alone = then, {**known, MuscleLayer.name: known[self.name]}
+        shapes: Shapes = {}
+        for layer in self._alone:
+            shapes |= layer.solve_after(alone, frame, below)
         return shapes
 
     def elastic_bodies(self, bones: Mapping[str, RigidTransform]) -> dict[str, Elastic]:
