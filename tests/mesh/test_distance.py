@@ -2,9 +2,10 @@ import igl
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.surfaces.barycentric import barycentric_weights
-from handpipe.mesh.surfaces.distance import Distance, sample_points, surface_errors
+from handpipe.mesh.surfaces.distance import Distance, about, sample_points, surface_errors
 from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 from .shapes import box, sphere
@@ -66,6 +67,21 @@ def test_by_windings_the_distance_to_a_surface_that_cuts_itself_has_no_jump():
     away = np.abs(signed) > 1e-3
     outwards = np.einsum("ni,ni->n", points - closest, normals) / signed
     np.testing.assert_allclose(outwards[away], 1.0, atol=0.02)
+
+
+@pytest.mark.parametrize("near", [0.0, 0.7])
+def test_no_point_near_a_slender_body_that_lies_askew_is_missed(near):
+    rod = sphere(1.0, 4).moved(sphere(1.0, 4).vertices * [10.0, 1.0, 2.0])
+    turn = Rotation.from_rotvec([0.7, -0.4, 0.9]).as_matrix()
+    askew = rod.moved(rod.vertices @ turn.T + [3.0, -2.0, 1.0])
+    points = np.random.default_rng(0).uniform(-9, 12, (20000, 3))
+    found = about(points, askew, near)
+    closer = np.flatnonzero(igl.signed_distance(points, askew.vertices, askew.triangles)[0] < near)
+    assert len(closer) > 80 and np.isin(closer, found).all()
+    low, high = askew.box
+    in_box = ((points > low - near) & (points < high + near)).all(axis=1).sum()
+    assert len(found) < 0.4 * in_box
+    assert (np.diff(found) > 0).all()
 
 
 def test_no_points_give_no_distances():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from handpipe.core import Array, IntArray
+from handpipe.core import Array, BoolArray, IntArray
 from handpipe.mesh.surfaces.barycentric import barycentric_matrix, flat
 from handpipe.mesh.surfaces.surface import Surface, sums_at
 from handpipe.mesh.surfaces.triangle_tree import boxes_of, closest_places
@@ -110,25 +110,35 @@ class Distance:
 
 
 def about(points: Array, surface: Surface, near: float) -> IntArray:
-    """Points in the bounding box of a surface, enlarged: no other point is closer to the surface than `near`.
+    """Points in two boxes of a surface, enlarged: no other point is closer to the surface than `near`.
+
+    One box is along the coordinates, the other along the surface's principal axes: slender organs lie askew.
 
     Parameters
     ----------
     points : array (n, 3)
         Points in mm.
     surface : Surface
-        Surface whose box is taken.
+        Surface whose boxes are taken.
     near : float
-        Distance in mm by which the box is enlarged on each side.
+        Distance in mm by which the boxes are enlarged on each side.
 
     Returns
     -------
     array (k,) of int
-        Indices of the points in the box, sorted.
+        Indices of the points in both boxes, sorted.
     """
-    low, high = surface.box
-    low, high = low - near, high + near
-    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+    ids = np.flatnonzero(_within(points, surface.box, near))
+    if not len(ids):
+        return ids
+    axes, box = surface.principal_box
+    return ids[_within(points[ids] @ axes, box, near)]
+
+
+def _within(points: Array, box: tuple[Array, Array], near: float) -> BoolArray:
+    """Which points (n, 3) are in a box, given by its least and largest coordinates, enlarged by `near`."""
+    low, high = box
+    return np.asarray(((points > low - near) & (points < high + near)).all(axis=1))
 
 
 def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:

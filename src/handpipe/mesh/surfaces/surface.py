@@ -132,6 +132,14 @@ class Surface:
         """Least and largest coordinates (3,) in mm of the vertices."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
+    @cached_property
+    def principal_box(self) -> tuple[Array, tuple[Array, Array]]:
+        """Principal axes of the vertices, as columns (3, 3), and the box of the coordinates along them."""
+        off = self.vertices - self.vertices.mean(axis=0)
+        axes = np.linalg.eigh(off.T @ off)[1]
+        along = self.vertices @ axes
+        return axes, (along.min(axis=0), along.max(axis=0))
+
     def contains(self, points: Array) -> BoolArray:
         """Which points are inside: those with a winding number above one half.
 
