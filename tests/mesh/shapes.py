@@ -61,3 +61,11 @@ def smallest_angles(surface: Surface) -> np.ndarray:
     la, lb, lc = (np.linalg.norm(e, axis=1) for e in (c - b, a - c, b - a))
     cosines = [(y**2 + z**2 - x**2) / (2 * y * z) for x, y, z in ((la, lb, lc), (lb, lc, la), (lc, la, lb))]
     return np.degrees(np.arccos(np.clip(cosines, -1, 1))).min(axis=0)
+
+
+def folded_ball() -> Surface:
+    """A ball of 5 mm whose upper cap is pushed through its far side, where it comes out inside out."""
+    ball = sphere(5.0, 4)
+    folded = ball.vertices.copy()
+    folded[folded[:, 2] > 4.0] -= [0.0, 0.0, 11.0]
+    return ball.moved(folded)

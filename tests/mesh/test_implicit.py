@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import trimesh
 
 from handpipe.core.errors import HandpipeError, InputError
 from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
@@ -7,7 +8,7 @@ from handpipe.mesh.generation.remeshing import relax, remesh
 from handpipe.mesh.surfaces.distance import surface_errors
 from handpipe.mesh.surfaces.surface import Surface
 
-from .shapes import box, smallest_angles, sphere
+from .shapes import box, folded_ball, smallest_angles, sphere
 
 
 def ellipsoid(spacing=0.5):
@@ -98,6 +99,15 @@ def test_union_of_two_spheres_has_the_volume_of_their_lens_removed():
     union = union_surface([ball, other], 0.4)
     assert union.is_closed()
     assert union.volume() == pytest.approx(2 * 500 / 3 * np.pi - lens, rel=0.01)
+
+
+def test_a_body_that_folds_through_itself_grows_no_horn():
+    both = [folded_ball(), sphere(2.0, 3).moved(sphere(2.0, 3).vertices - [0.0, 0.0, 18.0])]
+    found = union_surface(both, 0.5)
+    apart = trimesh.Trimesh(found.vertices, found.triangles, process=False).split()
+    assert len(apart) == 2
+    upper = max(apart, key=lambda part: part.volume)
+    assert np.linalg.norm(upper.vertices, axis=1).max() < 5.3
 
 
 def test_offset_grows_the_union():

@@ -2,10 +2,11 @@
 
 import numpy as np
 import trimesh
+from tests.mesh.shapes import folded_ball, sphere
 
 from handpipe.mesh.surfaces.distance import Distance
-from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.muscles.neighbours import pairs
+from handpipe.mesh.surfaces.surface import Surface, concatenate
+from handpipe.tissues.muscles.neighbours import pairs, sliding_vertices, touching
 
 
 def box(size, centre, edge=1.0) -> Surface:
@@ -56,3 +57,13 @@ def test_normals_turn_without_a_jump_from_facet_to_facet():
     turns = np.degrees(np.linalg.norm(np.diff(found.normals, axis=0), axis=1))
     assert turns.max() < 0.3
     assert np.einsum("ni,ni->n", found.normals, directions).min() > np.cos(np.radians(2))
+
+
+def test_what_lies_beyond_a_fold_of_a_muscle_does_not_touch_it():
+    """By the side of the closest triangle it would be 3 mm inside: there the muscle is inside out."""
+    far_end = sphere(1.0, 3)
+    muscle = concatenate([folded_ball(), far_end.moved(far_end.vertices - [0.0, 0.0, 18.0])])
+    beyond = far_end.moved(far_end.vertices - [0.0, 0.0, 12.0])
+    assert Distance(muscle).signed(beyond.vertices)[0].min() < -3.0
+    assert len(touching(beyond, [muscle], 1.0)) == 0
+    assert sliding_vertices([{"muscle": muscle, "other": beyond}], 1.0) == {}

@@ -1,8 +1,11 @@
 """Overlapping bodies come apart, keep their volume, change smoothly and do not move where nothing touches."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
+from tests.mesh.shapes import folded_ball
 from tests.tissues.muscles.crossings import crossings, inside
 
 from handpipe.core.errors import ConvergenceError
@@ -140,3 +143,12 @@ def test_says_what_cannot_be_separated():
 def test_a_solve_that_is_stopped_is_no_separation():
     with pytest.raises(ConvergenceError, match="Separation of muscles did not converge"):
         separate(pair(), {}, SeparationOptions(volume=np.inf, iterations=0))
+
+
+def test_a_muscle_that_cuts_itself_afterwards_is_named(caplog):
+    """A folded ball and an ellipsoid that overlap beside the fold."""
+    folded = folded_ball()
+    found = separate({"folded": folded, "other": ellipsoid([6, 3, 3], [9.5, 0, 0])}, {}, NO_VOLUME)
+    assert_apart(found.surfaces)
+    assert re.search(r"folded cuts itself at \d+ places, around \(.*, -[45]\.\d\) mm", caplog.text)
+    assert "other cuts" not in caplog.text

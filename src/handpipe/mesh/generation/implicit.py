@@ -8,8 +8,8 @@ import numpy as np
 from skimage.measure import marching_cubes
 
 from handpipe.core import Array, HandpipeError
+from handpipe.mesh.contact import distance_to
 from handpipe.mesh.generation.remeshing import relax, remesh
-from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 
 __all__ = ["Grid", "isosurface", "relax", "remesh", "signed_distance", "smooth_minimum", "union_surface"]
@@ -106,7 +106,7 @@ def signed_distance(surface: Surface, grid: Grid, band: float) -> Array:
     Parameters
     ----------
     surface : Surface
-        Closed surface.
+        Closed surface, which may cut itself as muscles do that fold.
     grid : Grid
         Points at which distances are computed.
     band : float
@@ -122,7 +122,7 @@ def signed_distance(surface: Surface, grid: Grid, band: float) -> Array:
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     values = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0), axis=1)
     near = values <= band
-    values[near] = Distance(surface).signed(points[near])[0]
+    values[near] = distance_to(surface).signed(points[near])[0]
     return values
 
 

@@ -6,12 +6,14 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from handpipe.core import Shapes
+from handpipe.core import InputError, Shapes
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import smoothed_weights
 from handpipe.tissues.fat import Skin, Tissue, TissueSettings, inner_points, tissue_mesh, without_pockets
 
 log = logging.getLogger(__name__)
+
+NOTABLE, WRONG = 0.5, 3.0  # mm that a body lies outside of the skin: named, and refused
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ def make_tissue(
     bones: Mapping[str, Surface], inside: Inside, skin: Skin, edge: float, young: float
 ) -> Tissue:
     """A tissue between the inner surface and the neutral skin; edge of the tets in mm, young in kPa."""
+    require_inside(inside, skin)
     mesh, occupancy = tissue_mesh(skin.surface, inside.surface, edge)
     points = inner_points(inside.below, inside.layers, inside.surface, slack=0.25)
     mesh, occupancy, points = without_pockets(mesh, occupancy, skin.surface, points)
@@ -38,3 +41,21 @@ def make_tissue(
     weights = smoothed_weights(mesh, bones)
     settings = TissueSettings(young=young)
     return Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(bones), weights, settings)
+
+
+def require_inside(inside: Inside, skin: Skin) -> None:
+    """Name bodies that lie outside of the neutral skin; `InputError` where one is far outside."""
+    for layer in inside.layers:
+        for name, shape in inside.below.get(layer, {}).items():
+            if shape.cells.shape[1] != 3:
+                continue
+            beyond = skin.outside(shape.vertices)
+            worst = int(beyond.argmax())
+            if beyond[worst] < NOTABLE:
+                continue
+            place = ", ".join(f"{c:.1f}" for c in shape.vertices[worst])
+            problem = f"lies up to {beyond[worst]:.1f} mm outside of the skin, near ({place}) mm in neutral"
+            if beyond[worst] > WRONG:
+                remedy = "Look at its segmentation or its template, and at the scan there"
+                raise InputError(layer, name, problem, remedy)
+            log.warning("%s: %s %s", layer, name, problem)

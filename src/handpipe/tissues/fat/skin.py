@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import IntArray, artifacts
+from handpipe.core import Array, IntArray, artifacts
 from handpipe.mesh.generation import remesh, repair
 from handpipe.mesh.surfaces import Distance, Surface, component_labels
 
@@ -74,6 +74,24 @@ class Skin:
         found = {name: part for name, part in self.rigid.items() if name != CUT_END}
         split = {f"{CUT_END}_{name}": Rigid(str(name), ends[nearest == name]) for name in np.unique(nearest)}
         return Skin(self.surface, found | split)
+
+    def outside(self, points: Array) -> Array:
+        """How far points lie outside of the skin, but for its rigid parts: a limb goes on beyond its cut.
+
+        Parameters
+        ----------
+        points : array (n, 3)
+            Neutral points in mm.
+
+        Returns
+        -------
+        array (n,)
+            Distances in mm, 0 inside.
+        """
+        signed, triangles, _, _ = Distance(self.surface).signed(points)
+        rigid = np.concatenate([np.zeros(0, dtype=np.int64), *(p.vertices for p in self.rigid.values())])
+        ends = np.isin(self.surface.triangles[triangles], rigid).all(axis=1)
+        return np.where(ends, 0.0, np.maximum(signed, 0.0))
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "skin"."""

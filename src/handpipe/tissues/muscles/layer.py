@@ -337,6 +337,11 @@ class MuscleLayer:
         """Of each muscle, which of its surface's vertices (v,) go with a bone."""
         return [np.isin(np.arange(len(m.body.surface.vertices)), held_vertices(m)) for m in self.muscles]
 
+    @cached_property
+    def _folded(self) -> frozenset[str]:
+        """Muscles that cut themselves in neutral: far outside of them the sign by normals may be wrong."""
+        return frozenset(m.name for m in self.muscles if cuts_itself(m.body.surface))
+
     def _mover(self, motion: Array) -> str:
         """The muscle that has the longest vector of a motion (N, 3)."""
         worst = int(np.argmax((motion**2).sum(axis=1)))
@@ -372,7 +377,7 @@ class MuscleLayer:
         push nobody, as in stage 2.
         """
         posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, surfaces, strict=True)}
-        distances = {name: Distance(surface) for name, surface in posed.items()}
+        distances = {n: Distance(surface, by_winding=n in self._folded) for n, surface in posed.items()}
         operators = {m.name: s for m, s in zip(self.muscles, surfaces, strict=True)}
         firm = {m.name: m.firm for m in self.muscles}
         touching: list[Planes] = []

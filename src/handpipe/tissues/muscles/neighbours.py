@@ -9,6 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from handpipe.core import Array, IntArray
+from handpipe.mesh.contact import distance_to
 from handpipe.mesh.surfaces import Distance, Surface, about, barycentric_matrix
 
 Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
@@ -84,7 +85,7 @@ def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArr
     found = np.zeros(len(surface.vertices), dtype=bool)
     for other in others:
         near_it = about(surface.vertices, other, near)
-        found[near_it] |= Distance(other).signed(surface.vertices[near_it])[0] < near
+        found[near_it] |= distance_to(other).signed(surface.vertices[near_it])[0] < near
     return np.flatnonzero(found)
 
 
@@ -94,7 +95,7 @@ def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Nei
     They are within `near` mm of the neighbour in every pose.
     """
     found: Neighbours = {}
-    distances = [{name: Distance(surface) for name, surface in pose.items()} for pose in poses]
+    distances = [{name: distance_to(surface) for name, surface in pose.items()} for pose in poses]
     for a in poses[0]:
         for b in poses[0]:
             if a == b:

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from handpipe.core import Array, IntArray
+from handpipe.mesh.contact import distance_to
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 from handpipe.tissues.muscles.separation.disjoint_start import Inseparable
@@ -91,7 +92,7 @@ def drop_contested(
     dict of str to SoftBody
         Bodies with fewer attached vertices.
     """
-    surfaces = {name: Distance(body.surface) for name, body in bodies.items()}
+    surfaces = {name: distance_to(body.surface) for name, body in bodies.items()}
     found = {}
     for name, body in bodies.items():
         others = [distance for other, distance in surfaces.items() if other != name]

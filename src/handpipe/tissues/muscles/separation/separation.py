@@ -19,6 +19,7 @@ from handpipe.core import Array, BoolArray, ConvergenceError, IntArray, artifact
 from handpipe.fem.contact import Barrier, CollidingPairs, ConvexBarrier
 from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import equilibrium
+from handpipe.mesh.contact import crossings
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.muscles.separation.disjoint_start import body_pairs, disjoint_start
@@ -167,6 +168,8 @@ def separate(
         return Separation(dict(muscles), before, before, 0)
     x, iterations = _grown(scene, rest, np.concatenate(apart), options)
     surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(muscles, scene.muscles, scene.parts, strict=True)}
+    for name, surface in surfaces.items():
+        _name_folds(name, surface)
     return Separation(surfaces, before, scene.penetration(x), iterations)
 
 
@@ -217,6 +220,16 @@ class _Scene:
             obstacle=_joined(self.bones),
             pairs=CollidingPairs(allowed=collision_filter(bodies), rest=self.rest()),
         )
+
+
+def _name_folds(name: str, surface: Surface) -> None:
+    """Warn of a muscle that cuts itself: nothing keeps it apart from itself."""
+    found = crossings(surface)
+    if not len(found):
+        return
+    place = np.median(surface.vertices[surface.triangles[found[:, 1]]].reshape(-1, 3), axis=0)
+    text = "separation: %s cuts itself at %d places, around (%s) mm; look at it there"
+    log.warning(text, name, len(found), ", ".join(f"{c:.1f}" for c in place))
 
 
 def _joined(bones: Sequence[Collider]) -> tuple[Array, IntArray] | None:
