@@ -1,14 +1,20 @@
 """Layers are solved inside out, each from those it needs."""
 
+import json
 import logging
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from handpipe.core import artifacts
+from handpipe.core.configuration import Scene
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
+from handpipe.hand.frames import read_frames
 from handpipe.hand.simulation import Failure, simulate, simulate_frame
+from handpipe.stages.hand import simulate as stage
 
 
 class _Shifted:
@@ -195,3 +201,36 @@ def test_what_is_known_is_not_solved_again_and_aids_are_not_handed_on():
     again = simulate_frame(_frame(1.0), [bones, flesh, tendons], known)
     assert len(flesh.saw) == solved and set(again) == {"bones", "tendons"}
     np.testing.assert_array_equal(again["tendons"]["body"].vertices, whole["tendons"]["body"].vertices)
+
+
+@pytest.mark.parametrize("follow", [False, True])
+def test_the_stage_simulates_frames_as_the_scene_asks(follow, tmp_path, monkeypatch):
+    """A layer that is 1 mm higher than in the frame before: from its own start it is at zero."""
+
+    class Rising:
+        name, needs = "bones", ()
+
+        def solve(self, frame, below):
+            return self._at(0.0)
+
+        def solve_after(self, before, frame, below):
+            return self._at(before[1]["bones"]["body"].vertices[0, 2] + 1.0)
+
+        def _at(self, height):
+            point = np.array([[0.0, 0.0, height]])
+            return {"body": Shape(point * 0, point, np.zeros((0, 3), int))}
+
+    monkeypatch.setattr(stage, "Rig", SimpleNamespace(load=lambda path: SimpleNamespace(surfaces={})))
+    monkeypatch.setattr(stage, "driven_frames", lambda *given: [_frame(x) for x in (1.0, 2.0, 3.0)])
+    monkeypatch.setattr(stage, "load_layers", lambda *given: [Rising()])
+    monkeypatch.setattr(stage, "key_of", lambda files, asked: json.dumps(asked))
+    for name in ("rig.h5", "frames.csv"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    inputs = stage.Inputs(rig=tmp_path / "rig.h5", frames=tmp_path / "frames.csv", layers=[])
+    scene = Scene(layers=("bones",), frames="frames.csv", follow=follow)
+    output, partial = tmp_path / "frames-0.h5", tmp_path / "partial-0.h5"
+    stage.simulate(inputs, output, None, scene, 0, partial, {})
+    heights = [shapes["bones"]["body"].vertices[0, 2] for _, shapes in read_frames(output)]
+    assert heights == ([0.0, 1.0, 2.0] if follow else [0.0, 0.0, 0.0])
+    assert not partial.exists()
+    assert ("follow" in artifacts.read_attributes(output)["key"]) == follow

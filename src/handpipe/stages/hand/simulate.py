@@ -58,8 +58,10 @@ def simulate(
         if len(found.frames) + len(found.failures) < len(wanted):
             write_frames(partial, found.frames, key=key)
 
-    done = finished_frames(partial, key, wanted)
-    found = simulate_frames(wanted, layers, done, keep, scene.follow)
+    if scene.follow:  # a chunk that is killed begins anew: no frame is kept
+        found = simulate_frames(wanted, layers, follow=True)
+    else:
+        found = simulate_frames(wanted, layers, finished_frames(partial, key, wanted), keep)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
     partial.unlink(missing_ok=True)
     for failure in found.failures:
