@@ -119,7 +119,7 @@ SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer 
 
 
 class Layer(Protocol):
-    """A tissue of the simulation. `solve` is a static equilibrium: frames do not depend on one another."""
+    """A tissue of the simulation. `solve` is a static equilibrium, which depends on no other frame."""
 
     name: str
     needs: tuple[str, ...]
