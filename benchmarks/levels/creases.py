@@ -36,11 +36,6 @@ def creases(results: Path) -> Metrics:
     return found
 
 
-def below(pattern: str, **names: str) -> str:
-    """The path of a file below its subject's folder."""
-    return pattern.removeprefix(paths.SUBJECT + "/").format(**names)
-
-
 @dataclass(frozen=True)
 class Finger:
     """A built finger, its tissue with creases, and where it was cut off (mm)."""
@@ -54,8 +49,8 @@ class Finger:
     def built(results: Path) -> Finger:
         """The finger in a folder of results."""
         folder = results / SUBJECT
-        rig, skin = Rig.load(folder / below(paths.RIG)), Skin.load(folder / below(paths.SKIN))
-        tissue = Tissue.load(folder / below(paths.CREASE_TISSUE))
+        rig, skin = Rig.load(folder / paths.below(paths.RIG)), Skin.load(folder / paths.below(paths.SKIN))
+        tissue = Tissue.load(folder / paths.below(paths.CREASE_TISSUE))
         cut = skin.surface.vertices[skin.rigid["cut_end"].vertices]
         return Finger(folder, rig, CreaseLayer("skin", tissue), cut)
 
@@ -85,7 +80,7 @@ class Finger:
 
     def built_skins(self, pose: str) -> dict[str, Surface]:
         """The skin of a pose by the other models."""
-        [(_, models)] = read_frames(self.folder / below(paths.POSE_SKIN, pose=pose))
+        [(_, models)] = read_frames(self.folder / paths.below(paths.POSE_SKIN, pose=pose))
         skins = {name: models[model]["skin"] for name, model in MODELS.items()}
         return {name: Surface(skin.vertices, skin.cells) for name, skin in skins.items()}
 

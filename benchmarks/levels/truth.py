@@ -28,8 +28,8 @@ def against_truth(subject: Subject) -> Metrics:
     Empty without truth. `full` is the build's own simulation of the pose. The neutral pose does not count.
     """
     dataset, folder = load_dataset(subject.dataset), subject.folder
-    truth = sorted((folder / paths.TRUTH.removeprefix(paths.SUBJECT + "/")).parent.glob("*.h5"))
-    skin = Skin.load(folder / paths.SKIN.removeprefix(paths.SUBJECT + "/"))
+    truth = sorted((folder / paths.below(paths.TRUTH)).parent.glob("*.h5"))
+    skin = Skin.load(folder / paths.below(paths.SKIN))
     cut = skin.rigid["cut_end"].vertices if "cut_end" in skin.rigid else np.zeros(0, int)
     springs, away = spring_hand(subject), dict[tuple[str, str, str], list[Array]]()
     for path in truth:

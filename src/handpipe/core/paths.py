@@ -166,6 +166,11 @@ def partial_chunk(chunk: str | Path) -> Path:
     return Path(chunk).with_name(Path(chunk).name.replace("frames-", "partial-", 1))
 
 
+def below(pattern: str, **names: str) -> str:
+    """The path of a subject's file below the subject's folder, with its wildcards filled in."""
+    return pattern.removeprefix(SUBJECT + "/").format(**names)
+
+
 def ablated(pattern: str) -> str:
     """Pattern of a variant's own file in place of the full model's: in the folder of the variant."""
     return pattern.replace(SUBJECT, ABLATION, 1)

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from handpipe.core import Array, Frame, InputError, Parser, atomic, paths, reported
 from handpipe.core.configuration import load_dataset
 from handpipe.evaluation import camera_views, png
-from handpipe.evaluation.rendering import MAP, Camera, ColourBar, Drawable, Image, render
+from handpipe.evaluation.rendering import COLOUR_MAP, Camera, ColourBar, Drawable, Image, render
 from handpipe.hand import read_frames
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig
@@ -78,10 +78,10 @@ def judged_poses(folder: Path) -> list[JudgedPose]:
     dataset = load_dataset(DATASETS / f"{folder.name}.yaml")
     if dataset.truth is None:
         raise InputError(folder, "truth", "is not known", "Give generated subjects")
-    rig, skin = Rig.load(folder / below(paths.RIG)), Skin.load(folder / below(paths.SKIN))
+    rig, skin = Rig.load(folder / paths.below(paths.RIG)), Skin.load(folder / paths.below(paths.SKIN))
     found = []
     for pose in [p for p in dataset.poses if p != dataset.neutral and dataset.has_skin(p)]:
-        [(frame, models)] = read_frames(folder / below(paths.POSE_SKIN, pose=pose))
+        [(frame, models)] = read_frames(folder / paths.below(paths.POSE_SKIN, pose=pose))
         scan, truth = dataset.poses[pose].scan, dataset.truth.folder / f"{pose}.h5"
         assert scan is not None
         shapes, data = models["m0"], folder / "data"
@@ -118,7 +118,7 @@ def judged_figure(poses: Sequence[JudgedPose]) -> Figure:
             for ax, side in zip(part.subplots(1, len(SIDES)), SIDES, strict=True):
                 ax.imshow(_picture(pose, side, bar))
                 ax.set_axis_off()
-    colours = ScalarMappable(Normalize(0.0, LARGEST), MAP)
+    colours = ScalarMappable(Normalize(0.0, LARGEST), COLOUR_MAP)
     figure.colorbar(colours, cax=right.subplots(), label="mm", extend="max")
     return figure
 
@@ -127,11 +127,6 @@ def _picture(pose: JudgedPose, side: str, bar: ColourBar) -> Image:
     direction, up = camera_views(pose.rig, pose.frame, pose.side)[side]
     camera = Camera.fit([pose.skin.vertices], direction, up, SIZE)
     return render([Drawable(pose.skin, bar.colours(np.nan_to_num(pose.distances)))], camera, SIZE)
-
-
-def below(pattern: str, **names: str) -> str:
-    """The path of a file below its subject's folder."""
-    return pattern.removeprefix(paths.SUBJECT + "/").format(**names)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,6 +1,7 @@
 """The artifact of the neutral skin."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,10 +54,10 @@ def test_a_body_outside_of_the_skin_is_named_and_far_outside_refused(height, sai
     bone = sphere(1.0, 3)
     bone = bone.moved(bone.vertices * [1.0, 1.0, 0.5 * (height + 20.0)] + [0.0, 0.0, 0.5 * (height - 20.0)])
     shape = Shape(bone.vertices, bone.vertices, bone.triangles)
-    inside = Inside({"bones": {"ulna": shape}}, ("bones",), bone)
+    inside = Inside({"bones": {"ulna": shape}}, ("bones",), bone, Path("inner.h5"))
     place = rf"lies up to {height - 10:.1f} mm outside of the skin, near \(-?0\.0, -?0\.0, {height:.1f}\) mm"
     if said == "refused":
-        with pytest.raises(InputError, match="bones: ulna: " + place):
+        with pytest.raises(InputError, match="inner.h5: bones: ulna: " + place):
             require_inside(inside, _ball())
         return
     require_inside(inside, _ball())

@@ -311,7 +311,7 @@ def test_after_another_frame_a_muscle_starts_turned_with_its_limb():
     before, there = Frame("pose", {}, pose), around(pose, FLESH.vertices)
     shapes = {**there, "muscles": layer.solve(before, there)}
     starts = []
-    layer._near = lambda start, frame, below: starts.append(start)
+    layer._near = lambda start, places, frame, below: starts.append(start)
     layer.solve_after((before, shapes), Frame("turned", {}, turned), around(turned, motion(FLESH.vertices)))
     np.testing.assert_allclose(starts[0], motion(shapes["muscles"]["m_mesh"].vertices), atol=1e-9)
 

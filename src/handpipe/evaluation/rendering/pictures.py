@@ -21,7 +21,7 @@ OCCLUSION = 0.035  # of the picture's height: how far a body darkens what is nea
 BIAS = 0.2  # of that distance: nearer surfaces do not darken, which hides the edges of triangles
 SAMPLES = 64  # of the neighbourhood of a pixel
 PEELS = 8  # sheets of transparent bodies behind one another
-MAP = "viridis"
+COLOUR_MAP = "viridis"
 BAR_FONT = 12  # pixels
 
 
@@ -44,7 +44,7 @@ class ColourBar:
     def colours(self, values: Array) -> Array:
         """Colours (n, 3) in 0..1 of values (n,), those beyond the ends as the ends."""
         shares = np.clip((np.asarray(values) - self.low) / (self.high - self.low), 0, 1)
-        return np.asarray(matplotlib.colormaps[MAP](shares)[..., :3])
+        return np.asarray(matplotlib.colormaps[COLOUR_MAP](shares)[..., :3])
 
 
 def render(

@@ -58,10 +58,9 @@ def simulate(
         if len(found.frames) + len(found.failures) < len(wanted):
             write_frames(partial, found.frames, key=key)
 
-    if scene.follow:  # a chunk that is killed begins anew: no frame is kept
-        found = simulate_frames(wanted, layers, follow=True)
-    else:
-        found = simulate_frames(wanted, layers, finished_frames(partial, key, wanted), keep)
+    done = finished_frames(partial, key, wanted)
+    # A chunk whose frames follow one another begins anew if it is killed: none is kept.
+    found = simulate_frames(wanted, layers, done, None if scene.follow else keep, scene.follow)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
     partial.unlink(missing_ok=True)
     for failure in found.failures:

@@ -37,6 +37,6 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float, on: Sequence[str] = unde
         Surface(s.vertices, s.cells) for n in on for s in below.get(n, {}).values() if s.cells.shape[1] == 3
     ]
     inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
-    inside = Inside(below, tuple(on), inner)
+    inside = Inside(below, tuple(on), inner, inputs.inner)
     tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, young=1.0)
     tissue.save(output, [inputs.inner, inputs.skin])

@@ -33,5 +33,6 @@ def mesh_soft_tissue(inputs: Inputs, output: Path, dataset: Dataset, edge: float
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
     # Wang 2019 §5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
     skin = Skin.load(inputs.skin).with_ends(rig.surfaces)
-    tissue = make_tissue(rig.surfaces, Inside(below, ("bones",), inner), skin, edge, young=6.0)
+    inside = Inside(below, ("bones",), inner, inputs.rig)
+    tissue = make_tissue(rig.surfaces, inside, skin, edge, young=6.0)
     tissue.save(output, inputs.all())

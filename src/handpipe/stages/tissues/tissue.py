@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from handpipe.core import InputError, Shapes
 from handpipe.mesh.surfaces import Surface
@@ -21,12 +22,13 @@ class Inside:
     """What a tissue encloses in neutral.
 
     below: shapes by layer, of which the named `layers` hold the tissue; surface: the inner surface of the
-    tissue, which encloses them.
+    tissue, which encloses them; source: the file that the shapes come from.
     """
 
     below: Mapping[str, Shapes]
     layers: tuple[str, ...]
     surface: Surface
+    source: Path
 
 
 def make_tissue(
@@ -57,5 +59,5 @@ def require_inside(inside: Inside, skin: Skin) -> None:
             problem = f"lies up to {beyond[worst]:.1f} mm outside of the skin, near ({place}) mm in neutral"
             if beyond[worst] > WRONG:
                 remedy = "Look at its segmentation or its template, and at the scan there"
-                raise InputError(layer, name, problem, remedy)
+                raise InputError(inside.source, f"{layer}: {name}", problem, remedy)
             log.warning("%s: %s %s", layer, name, problem)

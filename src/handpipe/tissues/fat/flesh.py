@@ -47,9 +47,7 @@ class FleshLayer:
         ConvergenceError
             As `solve`.
         """
-        then, shapes = before
-        x = shapes[self.name]["flesh_mesh"].vertices
-        return self._near(self.tissue.carried(x, then.bones, frame.bones), frame, below)
+        return self._near(self.tissue.after(self.name, before, frame.bones), frame, below)
 
     def _near(self, start: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The tissue's tets at equilibrium near a start (n, 3)."""

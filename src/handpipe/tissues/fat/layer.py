@@ -214,10 +214,7 @@ class TissueLayer:
         ConvergenceError
             As `solve`.
         """
-        then, shapes = before
-        x = shapes[self.name][f"{self.name}_mesh"].vertices
-        first = self.tissue.carried(x, then.bones, frame.bones)
-        starts = [first, *self.starts(frame.bones)]
+        starts = [self.tissue.after(self.name, before, frame.bones), *self.starts(frame.bones)]
         return self.shapes_at(self.at_rest(frame, below, starts), frame, below)
 
     def shapes_at(self, settled: Settled, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:

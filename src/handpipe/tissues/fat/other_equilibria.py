@@ -74,8 +74,8 @@ def restarts(
     """
     tissue = layer.tissue
     starts = {BLEND: tissue.pose(frame.bones)}
-    for other, known in neighbours:
-        starts[other.name] = tissue.carried(_tets_of(layer, known), other.bones, frame.bones)
+    for other in neighbours:
+        starts[other[0].name] = tissue.after(layer.name, other, frame.bones)
     return [_restarted(layer, frame, shapes, name, start) for name, start in starts.items()]
 
 

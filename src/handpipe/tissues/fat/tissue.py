@@ -20,6 +20,7 @@ from handpipe.core import (
     Region,
     RigidTransform,
     Shapes,
+    SimulatedFrame,
     artifacts,
     without_sliding,
 )
@@ -175,6 +176,11 @@ class Tissue:
         """Shifts (n, 3) with which `pose` gives the vertices x (n, 3)."""
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
+
+    def after(self, name: str, before: SimulatedFrame, bones: Mapping[str, RigidTransform]) -> Array:
+        """Vertices (n, 3) of the layer of a name in another frame, carried by the bones to this pose."""
+        frame, shapes = before
+        return self.carried(shapes[name][f"{name}_mesh"].vertices, frame.bones, bones)
 
     def carried(
         self, x: Array, bones: Mapping[str, RigidTransform], others: Mapping[str, RigidTransform]

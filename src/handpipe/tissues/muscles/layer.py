@@ -169,7 +169,8 @@ class MuscleLayer:
         ConvergenceError
             Where there is no equilibrium, or muscles cannot be kept apart behind the barrier.
         """
-        return self._near(np.concatenate(self._places(frame, below)), frame, below)
+        places = np.concatenate(self._places(frame, below))
+        return self._near(places, places, frame, below)
 
     def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """As `solve`, near the muscles of another frame.
@@ -189,20 +190,19 @@ class MuscleLayer:
             x, bone = shapes[self.name][f"{muscle.name}_mesh"].vertices, muscle.space.reference
             turn = frame.bones[bone].rotation @ then.bones[bone].rotation.T
             starts.append(place + (x - was) @ turn.T)
-        return self._near(np.concatenate(starts), frame, below)
+        return self._near(np.concatenate(starts), np.concatenate(are), frame, below)
 
     def _places(self, frame: Frame, below: Mapping[str, Shapes]) -> list[Array]:
         """Each muscle's vertices (n, 3) where what surrounds it takes them in a frame."""
         bones, flesh = _neutral(below), flesh_in(below)
         return [m.places(bones, frame.bones, flesh) for m in self.muscles]
 
-    def _near(self, start: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """The shapes of `solve`, near a start (N, 3)."""
+    def _near(self, start: Array, places: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The shapes of `solve`, near a start (N, 3), in surroundings at their places (N, 3)."""
         bones = _neutral(below)
         strains = [m.strains(frame.bones) for m in self.muscles]
         elastic = self.elastic.with_strains(np.concatenate(strains))
-        bed = self._bed(np.concatenate(self._places(frame, below)))
-        constraints = [self._attachments(frame.bones), *bed]
+        constraints = [self._attachments(frame.bones), *self._bed(places)]
         posed = each_moved(bones, frame.bones)
         if self.contact:
             obstacles = [self._to_bones.to(name, bones[name].vertices, bone) for name, bone in posed.items()]
