@@ -79,3 +79,23 @@ def hinge(angle: float, z: float = -6.0) -> dict[str, RigidTransform]:
 def hinge_bones() -> dict[str, Surface]:
     """Two rods below the spindle that meet at the hinge."""
     return {"a": rod([-11.0, 0.0, -7.0], 21.0, 2.0), "b": rod([11.0, 0.0, -7.0], 21.0, 2.0)}
+
+
+def hairpin(radius: float, subdivisions: int = 4) -> tuple[Surface, list[np.ndarray]]:
+    """A flat muscle of 24 by 6 by 1.6 mm, bent back on itself over half a turn, and its four sides.
+
+    Its legs lie along x, `2 radius - 1.6` mm apart. A side is an array of triangles, outer or inner ones of a
+    leg; none of one side has a vertex of another.
+    """
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    along, y, up = (ball.vertices * [12.0, 3.0, 0.8]).T
+    angle = np.clip(along / radius, -np.pi / 2, np.pi / 2)
+    leg = np.maximum(np.abs(along) - radius * np.pi / 2, 0.0)
+    arc = np.column_stack([leg - (radius - up) * np.cos(angle), y, (radius - up) * np.sin(angle)])
+    faces = ball.faces[:, ::-1]
+    sides = []
+    for leg_sign in (-1, 1):
+        for up_sign in (-1, 1):
+            of = (leg_sign * along > 2.0) & (up_sign * up > 0.05)
+            sides.append(faces[of[faces].all(axis=1)])
+    return Surface(arc, faces), sides

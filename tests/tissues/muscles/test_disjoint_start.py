@@ -1,9 +1,12 @@
 """Initial guesses without intersections, near the given shapes."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 import trimesh
 from tests.tissues.muscles.crossings import crossings, inside
+from tests.tissues.muscles.shapes import hairpin
 
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.muscles.separation.disjoint_start import disjoint_start
@@ -112,3 +115,19 @@ def test_a_rod_through_the_middle_of_a_sheet_is_pushed_out_of_it():
     one, other = sheet.moved(found[0]), rod.moved(found[1])
     assert crossings(one, other) == 0 and crossings(other, one) == 0
     assert not inside(other.vertices, one).any()
+
+
+@pytest.mark.parametrize(("radius", "deep"), [(0.9, 0.7), (1.0, 0.8)])
+def test_a_leg_that_a_bone_pushes_does_not_pass_through_itself_or_the_other(radius, deep):
+    """Pushed out vertex by vertex, one side of the leg passes the other."""
+    muscle, sides = hairpin(radius)
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    across = Surface(ball.vertices * [1.2, 6.0, 1.2] + [4.0, 0.0, radius + 2.0 - deep], ball.faces)
+    found = disjoint_start(
+        [Collider("muscle", muscle, NOTHING)], [Collider("bone", across, NOTHING, fixed=True)]
+    )
+    assert found is not None
+    moved = muscle.moved(found[0])
+    assert crossings(moved, across) == 0 and crossings(across, moved) == 0
+    for one, other in permutations(sides, 2):
+        assert crossings(Surface(found[0], one), Surface(found[0], other)) == 0

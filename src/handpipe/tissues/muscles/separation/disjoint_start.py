@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
-from handpipe.core import Array, ConvergenceError
+from handpipe.core import Array, ConvergenceError, IntArray
 from handpipe.fem.solver import largest
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.tissues.muscles.separation.deflation import Deflation
-from handpipe.tissues.muscles.separation.overlap import Collider, crossing, meet
+from handpipe.tissues.muscles.separation.overlap import Collider, crossing, folds, meet
 
 log = logging.getLogger(__name__)
 
@@ -20,6 +20,7 @@ FIRST_MARGIN = 0.05  # mm, first margin between a muscle and a bone
 MARGIN_GROWTH = 1.5  # growth of the margin in each further round: bones reach through large triangles
 LARGEST_MARGIN = 2.0  # mm
 ROUNDS = 60  # at most
+UNFOLDINGS, PARTINGS = 30, 10  # rounds in which muscles unfold, and of coming apart again after each, at most
 MOST_PUSHES = 5  # of two fully deflated muscles, before they are smoothed farther
 DEPTHS = (
     0.3,
@@ -72,25 +73,80 @@ def disjoint_start(muscles: Sequence[Collider], bones: Sequence[Collider]) -> li
 
 
 def _deflated(muscles: Sequence[Collider], bones: Sequence[Collider], deepest: float) -> list[Array] | None:
-    """One attempt of `disjoint_start`: pushes resolve penetrations up to `deepest` mm."""
-    bodies = [*muscles, *bones]
-    starts = [_Start(b, bodies, deepest) for b in muscles]
-    at = [b.surface for b in bodies]
-    pairs = open_pairs = body_pairs(muscles, bones)
-    for round_ in range(ROUNDS):
-        meeting = [(i, j) for i, j in open_pairs if meet(bodies[i], bodies[j], at[i], at[j])]
-        if not meeting:
-            return [surface.vertices for surface in at[: len(muscles)]] if round_ else None
-        names = " and ".join(bodies[k].name for k in meeting[0])
-        log.info("separation: %d pairs of bodies intersect, among them %s", len(meeting), names)
-        both = [*meeting, *((j, i) for i, j in meeting if j < len(muscles))]
-        for i, j in both:
-            starts[i].yield_to(j, at[i], at[j])
-        moved = {i for i, _ in both}
+    """One attempt of `disjoint_start`: pushes resolve penetrations up to `deepest` mm.
+
+    Deflated muscles that cut themselves would keep their folds while they grow back: they are deflated
+    further. Where that leads nowhere, bodies that are apart from one another serve, folds and all.
+    """
+    scene = _Deflating(muscles, bones, deepest)
+    pair = scene.part(ROUNDS)
+    if not scene.moved:
+        return None
+    if pair:
+        raise Inseparable("Separation of muscles", f"{pair} intersect even when deflated to threads")
+    apart = scene.places()
+    for _ in range(UNFOLDINGS):
+        folded = scene.folds()
+        if not folded:
+            return scene.places()
+        log.info("separation: muscles that cut themselves: %s", ", ".join(muscles[i].name for i in folded))
+        scene.unfold(folded)
+        if scene.part(PARTINGS):
+            break
+    return apart
+
+
+class _Deflating:
+    """Muscles at their present places among bones, and how each comes away from the others."""
+
+    def __init__(self, muscles: Sequence[Collider], bones: Sequence[Collider], deepest: float) -> None:
+        self._count, self._bodies = len(muscles), [*muscles, *bones]
+        self._starts = [_Start(body, self._bodies, deepest) for body in muscles]
+        self._at = [body.surface for body in self._bodies]
+        self._pairs = self._open = body_pairs(muscles, bones)
+        self.moved = False
+
+    def places(self) -> list[Array]:
+        """Vertices (n, 3) of each muscle."""
+        return [surface.vertices for surface in self._at[: self._count]]
+
+    def _meeting(self) -> list[tuple[int, int]]:
+        """Pairs of bodies that intersect, of those that moved since they were found apart."""
+        bodies, at = self._bodies, self._at
+        return [(i, j) for i, j in self._open if meet(bodies[i], bodies[j], at[i], at[j])]
+
+    def part(self, rounds: int) -> str:
+        """Move muscles until no bodies intersect; two that still do after so many rounds, by name."""
+        pair = ""
+        for _ in range(rounds):
+            meeting = self._meeting()
+            if not meeting:
+                self._open = []
+                return ""
+            pair = " and ".join(self._bodies[k].name for k in meeting[0])
+            log.info("separation: %d pairs of bodies intersect, among them %s", len(meeting), pair)
+            both = [*meeting, *((j, i) for i, j in meeting if j < self._count)]
+            for i, j in both:
+                self._starts[i].yield_to(j, self._at[i], self._at[j])
+            self._move({i for i, _ in both})
+        return pair
+
+    def folds(self) -> dict[int, IntArray]:
+        """Vertices of each muscle's folds, where it has some."""
+        found = {i: folds(surface) for i, surface in enumerate(self._at[: self._count])}
+        return {i: vertices for i, vertices in found.items() if len(vertices)}
+
+    def unfold(self, folded: Mapping[int, IntArray]) -> None:
+        """Deflate muscles further around their vertices."""
+        for i, vertices in folded.items():
+            self._starts[i].unfold(vertices)
+        self._move(set(folded))
+
+    def _move(self, moved: set[int]) -> None:
+        self.moved = True
         for i in moved:
-            at[i] = at[i].moved(starts[i].vertices())
-        open_pairs = [(i, j) for i, j in pairs if i in moved or j in moved]
-    raise Inseparable("Separation of muscles", f"{names} intersect even when deflated to threads")
+            self._at[i] = self._at[i].moved(self._starts[i].vertices())
+        self._open = [(i, j) for i, j in self._pairs if i in moved or j in moved]
 
 
 class _Start:
@@ -111,12 +167,13 @@ class _Start:
         self._deflation: Deflation | None = None
         self._push, self._pushes = np.zeros_like(body.surface.vertices), 0
         self._astray = False  # whether only edges cut a muscle: then no direction out is known
+        self._folded = False  # whether it has cut itself
         self._distances: dict[int, Distance] = {}
 
     def yield_to(self, j: int, here: Surface, there: Surface) -> None:
         """Record that this muscle, at its current place, intersects body j."""
         body, x = self._bodies[j], here.vertices
-        if body.fixed:
+        if body.fixed and not self._folded:
             self._leave(j, x)
             return
         gaps, _, _, normals = Distance(there).signed(x)
@@ -132,6 +189,15 @@ class _Start:
         self._directions[meeting] += ((FIRST_MARGIN + 0.5 * np.maximum(-gaps, 0.0))[:, None] * normals)[
             meeting
         ]
+
+    def unfold(self, vertices: IntArray) -> None:
+        """Record that this muscle cuts itself at vertices (k,).
+
+        From now on it leaves bones as it leaves muscles: vertex by vertex pushed out of a bone, both sides of
+        a thin muscle come to one place.
+        """
+        self._folded, self._margins[:] = True, 0.0
+        self._intersecting[vertices] = self._astray = True
 
     def _leave(self, j: int, x: Array) -> None:
         """Record that this muscle at x (n, 3) intersects bone j, and increase the margin from it.

@@ -63,11 +63,13 @@ class Collider:
         return np.setdiff1d(np.arange(len(self.surface.vertices)), self.attached)
 
 
-def collision_filter(bodies: Sequence[Collider], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
+def collision_filter(
+    bodies: Sequence[Collider], chosen: IntArray | None = None, with_themselves: Sequence[int] = ()
+) -> ipctk.CollisionFilter:
     """Filter of the copies that may collide, bodies in order.
 
-    Excluded are copies of one body, two fixed copies, and a tied copy with a tied or fixed one. `chosen` (n,)
-    limits the filter to some copies.
+    Excluded are two fixed copies, a tied copy with a tied or fixed one, and copies of one body, except untied
+    ones of the bodies `with_themselves`. `chosen` (n,) limits the filter to some copies.
     """
     counts = [len(b.copies[0]) for b in bodies]
     body = np.repeat(np.arange(len(bodies)), counts)
@@ -80,7 +82,12 @@ def collision_filter(bodies: Sequence[Collider], chosen: IntArray | None = None)
     group = np.where(passive, 0, 1 + np.arange(len(passive)))
     of = slice(None) if chosen is None else chosen
     apart = ipctk.make_vertex_patches_filter(body[of].astype(np.int32))
-    return apart & ipctk.make_vertex_patches_filter(group[of].astype(np.int32))
+    others = apart & ipctk.make_vertex_patches_filter(group[of].astype(np.int32))
+    if not len(with_themselves):
+        return others
+    alone = len(bodies) + np.arange(len(body))
+    own = np.where(np.isin(body, with_themselves) & ~passive, body, alone)
+    return others | ~ipctk.make_vertex_patches_filter(own[of].astype(np.int32))
 
 
 def meet(a: Collider, b: Collider, at_a: Surface, at_b: Surface) -> bool:
@@ -135,6 +142,14 @@ def crossing(a: Collider, b: Collider, xa: Array, xb: Array) -> IntArray:
     crosses = (of_first[one] != of_first[other]) & ~(tied[one] & tied[other])
     met = np.concatenate([ends[crosses].ravel(), corners[crosses].ravel()])
     return np.unique(number[met[of_first[met]]])
+
+
+def folds(surface: Surface) -> IntArray:
+    """Vertices (k,) of a surface's edges and triangles that cross one another; all, if it is inside out."""
+    edges, triangles = crossings(surface).T
+    if not len(edges) and surface.volume() < 0:
+        return np.arange(len(surface.vertices))
+    return np.unique(np.concatenate([surface.edges()[edges].ravel(), surface.triangles[triangles].ravel()]))
 
 
 def _reaching(x: Array, triangles: IntArray, low: Array, high: Array) -> IntArray:

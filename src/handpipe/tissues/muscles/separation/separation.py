@@ -19,11 +19,10 @@ from handpipe.core import Array, BoolArray, ConvergenceError, IntArray, artifact
 from handpipe.fem.contact import Barrier, CollidingPairs, ConvexBarrier
 from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import equilibrium
-from handpipe.mesh.contact import crossings
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.muscles.separation.disjoint_start import body_pairs, disjoint_start
-from handpipe.tissues.muscles.separation.overlap import Collider, collision_filter, depth
+from handpipe.tissues.muscles.separation.overlap import Collider, collision_filter, depth, folds
 from handpipe.tissues.muscles.separation.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
 
 log = logging.getLogger(__name__)
@@ -201,7 +200,10 @@ class _Scene:
         return max((depth(bodies[i], at[i].vertices, distances[j]) for i, j in both), default=0.0)
 
     def barrier(self, x: Array, clearance: float) -> Barrier:
-        """Barrier between the bodies, with muscles at x (N, 3)."""
+        """Barrier between the bodies, and of each muscle against itself, with muscles at x (N, 3).
+
+        A muscle that cuts itself there does not collide with itself.
+        """
         copies, triangles, start, first = [], [], 0, 0
         for body in self.muscles:
             vertices, faces = body.copies
@@ -210,6 +212,9 @@ class _Scene:
             start, first = start + len(body.surface.vertices), first + len(vertices)
         chosen = np.concatenate(copies)
         operator = sparse.csr_matrix((np.ones(first), chosen, np.arange(first + 1)), shape=(first, len(x)))
+        whole = [
+            i for i, part in enumerate(self.parts) if not len(folds(self.muscles[i].surface.moved(x[part])))
+        ]
         bodies = self.muscles + self.bones
         return Barrier(
             operator,
@@ -218,18 +223,18 @@ class _Scene:
             clearance,
             BARRIER_STIFFNESS,
             obstacle=_joined(self.bones),
-            pairs=CollidingPairs(allowed=collision_filter(bodies), rest=self.rest()),
+            pairs=CollidingPairs(allowed=collision_filter(bodies, with_themselves=whole), rest=self.rest()),
         )
 
 
 def _name_folds(name: str, surface: Surface) -> None:
-    """Warn of a muscle that cuts itself: nothing keeps it apart from itself."""
-    found = crossings(surface)
-    if not len(found):
+    """Warn of a muscle that cuts itself, as one does whose start did so already."""
+    vertices = folds(surface)
+    if not len(vertices):
         return
-    place = np.median(surface.vertices[surface.triangles[found[:, 1]]].reshape(-1, 3), axis=0)
-    text = "separation: %s cuts itself at %d places, around (%s) mm; look at it there"
-    log.warning(text, name, len(found), ", ".join(f"{c:.1f}" for c in place))
+    place = ", ".join(f"{c:.1f}" for c in np.median(surface.vertices[vertices], axis=0))
+    text = "separation: %s cuts itself at %d vertices, around (%s) mm; look at it there"
+    log.warning(text, name, len(vertices), place)
 
 
 def _joined(bones: Sequence[Collider]) -> tuple[Array, IntArray] | None:
