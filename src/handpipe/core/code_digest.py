@@ -61,22 +61,27 @@ class CodeDigests:
 
     def digest(self, *paths: Path) -> str:
         """Digest of files and of every file that they import, directly or through others."""
-        found = self.modules(paths)
-        lines = [self._line(path) for path in found]
-        for folder in {path.parent for path in found}:
-            lines += self._data_in(folder)
-        return _hash("\n".join(sorted(lines)).encode())
+        if paths not in self._digests:
+            found = self.modules(paths)
+            lines = [self._line(path) for path in found]
+            for folder in {path.parent for path in found}:
+                lines += self._data_in(folder)
+            self._digests[paths] = _hash("\n".join(sorted(lines)).encode())
+        return self._digests[paths]
 
-    def modules(self, paths: Iterable[Path]) -> set[Path]:
+    def modules(self, paths: Iterable[Path]) -> frozenset[Path]:
         """The files and every file of the packages that they import, directly or through others."""
-        found: set[Path] = set()
         pending = [*paths]
-        while pending:
-            path = pending.pop()
-            if path not in found:
-                found.add(path)
-                pending += self._imported(path)
-        return found
+        first = tuple(pending)
+        if first not in self._closures:
+            found: set[Path] = set()
+            while pending:
+                path = pending.pop()
+                if path not in found:
+                    found.add(path)
+                    pending += self._imported(path)
+            self._closures[first] = frozenset(found)
+        return self._closures[first]
 
     def module(self, name: str) -> Path:
         """The file of a module of the packages.
@@ -169,6 +174,15 @@ class CodeDigests:
 
     @cached_property
     def _files(self) -> dict[Path, Module]:
+        return {}
+
+    # Of the many jobs of a rule most run the same code.
+    @cached_property
+    def _digests(self) -> dict[tuple[Path, ...], str]:
+        return {}
+
+    @cached_property
+    def _closures(self) -> dict[tuple[Path, ...], frozenset[Path]]:
         return {}
 
     def _line(self, path: Path) -> str:
