@@ -159,7 +159,8 @@ def settle(
     equilibrium : callable
         From positions (n, 3) in mm where planes are taken to the equilibrium (n, 3) in mm under these planes.
         It may end early where its second argument, if not None, says so: at the first quarter of all
-        renewals, where planes are still far from those of the result.
+        renewals, where planes are still far from those of the result. One that does is made up for by a
+        further renewal.
     x : array (n, 3)
         Positions in mm where the first planes are taken.
     limits : Limits
@@ -185,8 +186,9 @@ def settle(
         If the least motion is above `limits.gross`.
     """
     shares, before, last = np.ones(len(parts)), np.full(len(parts), np.inf), np.zeros_like(x)
-    best = Settled(x, 0, np.inf)
-    for count in range(1, limits.renewals + 1):
+    best, count, most = Settled(x, 0, np.inf), 0, limits.renewals
+    while count < most:
+        count += 1
         early = NearEnough(x, limits.settled, measure) if count <= limits.renewals // EARLY else None
         found = equilibrium(x, early)
         step = found - x
@@ -194,6 +196,7 @@ def settle(
         moved = "" if mover is None else f", most of all {mover(step)}"
         log.info("%s: contact planes renewed %d times, last motion %.3f mm%s", name, count, motion, moved)
         exact = early is None or not early.told
+        most += not exact
         if exact and motion < best.motion:
             best = Settled(found, count, motion, chosen=count)
         if exact and motion < limits.settled:
