@@ -10,6 +10,8 @@ from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
 
+FINGERS = 9.0  # mm between the middles of two fingers of 4 mm radius
+
 
 def sphere(radius: float = 10.0, levels: int = 4) -> Surface:
     vertices, triangles = igl.icosahedron()
@@ -69,3 +71,20 @@ def folded_ball() -> Surface:
     folded = ball.vertices.copy()
     folded[folded[:, 2] > 4.0] -= [0.0, 0.0, 11.0]
     return ball.moved(folded)
+
+
+def capsule(points: np.ndarray, a: list[float], b: list[float], radius: float) -> np.ndarray:
+    """Distances (n,) of points from a capsule between two places."""
+    start, along = np.array(a), np.subtract(b, a)
+    share = np.clip((points - start) @ along / (along @ along), 0, 1)
+    return np.linalg.norm(points - start - share[:, None] * along, axis=1) - radius
+
+
+def two_fingers(*bridges: float, radius: float = 0.8) -> Surface:
+    """Two fingers along x on one palm, 1 mm apart; bridges at these x."""
+    grid = Grid(np.array([-8.0, -6.0, -6.0]), 0.5, (96, 44, 24))
+    points = grid.points()
+    parts = [capsule(points, [0, y, 0], [30, y, 0], 4.0) for y in (0.0, FINGERS)]
+    parts.append(capsule(points, [0, 0, 0], [0, FINGERS, 0], 5.0))
+    parts += [capsule(points, [x, 0, 0], [x, FINGERS, 0], radius) for x in bridges]
+    return isosurface(np.min(parts, axis=0).reshape(grid.shape), grid).largest_component()

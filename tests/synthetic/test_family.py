@@ -102,6 +102,7 @@ def test_bones_lie_inside_the_skin_and_apart(hand: tuple[str, SubjectTemplate]) 
     assert subject.skin is not None
     assert subject.skin.is_closed()
     skin = trimesh.Trimesh(subject.skin.vertices, subject.skin.triangles, process=False)
+    assert skin.euler_number == 2  # no bridge between two fingers
     distance = Distance(subject.skin)
     for bone, surface in subject.bones.items():
         assert skin.contains(surface.vertices[::7]).all(), bone

@@ -1,13 +1,15 @@
 """Tissue meshes and their occupancy against spheres, whose volumes are known."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
-from tests.mesh.shapes import box_tets, sphere
+from tests.mesh.shapes import box_tets, sphere, two_fingers
 
 from handpipe.core.errors import InputError
 from handpipe.mesh.contact import crossings
-from handpipe.mesh.generation import union_surface
+from handpipe.mesh.generation import genus, union_surface
 from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface, concatenate
@@ -109,6 +111,15 @@ def test_a_scan_with_a_hole_becomes_closed_skin():
     assert any("hole" in note for note in notes)
     cap = np.pi * 1.0**2 * (3 * OUTER - 1.0) / 3  # at most this is missing: a cap of height 1
     assert _volume(OUTER) - cap - 0.02 * _volume(OUTER) < skin.volume() < 1.01 * _volume(OUTER)
+
+
+def test_fingers_that_a_scanner_joined_are_parted_with_a_warning(caplog):
+    skin, _ = closed_skin(two_fingers(15.0, radius=1.0), 1.0)
+    assert genus(skin) == 0 and skin.is_closed()
+    assert Distance(two_fingers()).closest(skin.vertices)[0].max() < 0.5
+    [said] = caplog.messages
+    assert re.search(r"Cut a bridge, [67]\.\d mm around, at \(1[45]\.\d, 4\.\d, -?0\.\d\) mm", said)
+    assert "are left" not in said
 
 
 def test_pockets_that_hang_by_an_edge_or_by_nothing_are_left_out():

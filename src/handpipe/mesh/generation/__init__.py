@@ -7,6 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.mesh.generation import implicit
     from handpipe.mesh.generation.graded_remeshing import remesh_graded
+    from handpipe.mesh.generation.handles import genus, without_handles
     from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
     from handpipe.mesh.generation.meshing import tetrahedralise
     from handpipe.mesh.generation.remeshing import remesh
@@ -16,6 +17,7 @@ else:
 
 __all__ = [
     "Grid",
+    "genus",
     "implicit",
     "isosurface",
     "remesh",
@@ -24,4 +26,5 @@ __all__ = [
     "smooth_minimum",
     "tetrahedralise",
     "union_surface",
+    "without_handles",
 ]

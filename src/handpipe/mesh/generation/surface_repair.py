@@ -49,7 +49,7 @@ def repair(surface: Surface) -> tuple[Surface, list[str]]:
     surface = _drop_degenerate(surface, said)
     surface = _drop_small_parts(surface, said)
     surface = _orient(surface, said)
-    surface = _fill_holes(surface, said)
+    surface = fill_holes(surface, said)
     if not surface.is_closed() or cuts_itself(surface):
         surface = _rebuild(surface, said)
     if not surface.is_closed():
@@ -109,7 +109,7 @@ def _winding(triangles: IntArray) -> BoolArray:
     return first < second
 
 
-def _fill_holes(surface: Surface, said: list[str]) -> Surface:
+def fill_holes(surface: Surface, said: list[str]) -> Surface:
     """Close every hole by a patch that continues the surface smoothly at its rim; nothing else changes."""
     directed = directed_edges(surface.triangles)
     n = len(surface.vertices)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from handpipe.mesh.generation import Grid, isosurface, remesh
+from handpipe.mesh.generation import Grid, isosurface, remesh, without_handles
 from handpipe.mesh.surfaces import Surface
 from handpipe.synthetic.phantom.hand_tissue import Cone, Layout, cone_rows, field_of_cones, skin
 
@@ -18,6 +18,7 @@ ROUNDING = 6.0  # mm of the cut's edge
 SPACING = 1.2  # mm of the grid that is contoured
 CREASE = 1.5  # mm, standard deviation of the smoothing of creases
 KNOWN = 5.0  # mm around the surface where the field is a distance
+BRIDGE = 25.0  # mm around a bridge between fingers that is cut, at most
 BLEND = 3.0  # mm over which cones run into one another: less than the images', whose fingers touch
 
 
@@ -34,7 +35,9 @@ def skin_surface(layout: Layout, edge_length: float) -> Surface:
     closed = np.maximum(outline, beyond) + 0.25 * ROUNDING * h**2
     # The field is no distance far from the surface; creases are rounded so that triangles can follow.
     smooth = gaussian_filter(np.clip(closed, -KNOWN, KNOWN), CREASE / SPACING)
-    return remesh(isosurface(smooth, grid).largest_component(), edge_length)
+    # Fingers of some hands touch at single places.
+    outer, _ = without_handles(isosurface(smooth, grid).largest_component(), BRIDGE)
+    return remesh(outer, edge_length)
 
 
 def flesh(layout: Layout) -> list[Cone]:

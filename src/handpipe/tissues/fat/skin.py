@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,10 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import Array, IntArray, artifacts
-from handpipe.mesh.generation import remesh, repair
+from handpipe.mesh.generation import genus, remesh, repair, without_handles
 from handpipe.mesh.surfaces import Distance, Surface, component_labels
 
+log = logging.getLogger(__name__)
+
 CUT_END = "cut_end"
+BRIDGE = 25.0  # mm around a bridge that is cut, at most: a child's little finger is 38 mm around
 FARTHEST = 0.6  # of the skin's longest extent: cut vertices farther apart are at both ends of the limb
 
 
@@ -119,6 +123,8 @@ class Skin:
 def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
     """The neutral skin as a closed surface, and what was repaired for it.
 
+    Bridges between fingers that touched in the scanner are cut, with a warning that has their places.
+
     Parameters
     ----------
     scan : Surface
@@ -134,9 +140,22 @@ def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
         What was repaired.
     """
     closed, notes = repair(scan)
+    if genus(closed):
+        closed = _without_bridges(closed.largest_component(), 0.5 * edge)
     skin = remesh(closed, edge)
     parts = int(component_labels(skin.triangles).max()) + 1
     if parts > 1:
         skin = skin.largest_component()
         notes = [*notes, f"{parts - 1} small closed parts left out"]
     return skin, notes
+
+
+def _without_bridges(closed: Surface, edge: float) -> Surface:
+    """A scan without handles, cut with triangles of edges of about `edge` mm: a cut is four of them wide."""
+    found, handles = without_handles(remesh(closed, edge), BRIDGE)
+    for handle in handles:
+        log.warning("neutral scan: %s Parts that touched, as fingers do? Look at the skin there", handle)
+    if left := genus(found):
+        text = "neutral scan: %d bridges between parts or holes through them are left: mend the scan"
+        log.warning(text, left)
+    return found
