@@ -10,7 +10,7 @@ from tests.mesh.shapes import sphere
 from handpipe.core import artifacts
 from handpipe.core.errors import InputError
 from handpipe.core.layers import Shape
-from handpipe.stages.tissues.tissue import Inside, require_inside
+from handpipe.stages.tissues.tissue import require_inside
 from handpipe.tissues.fat.skin import Rigid, Skin
 
 from .limb import SKIN, capsule
@@ -54,12 +54,12 @@ def test_a_body_outside_of_the_skin_is_named_and_far_outside_refused(height, sai
     bone = sphere(1.0, 3)
     bone = bone.moved(bone.vertices * [1.0, 1.0, 0.5 * (height + 20.0)] + [0.0, 0.0, 0.5 * (height - 20.0)])
     shape = Shape(bone.vertices, bone.vertices, bone.triangles)
-    inside = Inside({"bones": {"ulna": shape}}, ("bones",), bone, Path("inner.h5"))
+    asked = {"bones": {"ulna": shape}}, _ball(), Path("inner.h5")
     place = rf"lies up to {height - 10:.1f} mm outside of the skin, near \(-?0\.0, -?0\.0, {height:.1f}\) mm"
     if said == "refused":
         with pytest.raises(InputError, match="inner.h5: bones: ulna: " + place):
-            require_inside(inside, _ball())
+            require_inside(*asked)
         return
-    require_inside(inside, _ball())
+    require_inside(*asked)
     assert bool(re.search("bones: ulna " + place, caplog.text)) == (said == "named")
     assert len(caplog.records) == (said == "named")

@@ -9,12 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from handpipe.core import BoolArray, Frame, Region, Shapes
+from handpipe.core import BoolArray, Frame, Region, Shape, Shapes
 from handpipe.core.configuration import Dataset
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.posing import FACING, BoneLayer, smoothed_weights, swept_vertices
 from handpipe.skeleton.rig import Rig, hand_directions
 from handpipe.stages.files import Files
+from handpipe.stages.tissues.tissue import require_inside
 from handpipe.tissues.fascia import bone_wrap
 from handpipe.tissues.fat import Rigid, Skin, Tissue, TissueSettings, inner_points
 from handpipe.tissues.fat.creases import creases_of, folding_vertices, graded_mesh
@@ -48,6 +49,8 @@ def mesh_crease_tissue(inputs: Inputs, output: Path, dataset: Dataset, edges: Cr
     """One soft tissue with creases between the bones and the skin (Wang 2019 §5)."""
     rig = Rig.load(inputs.rig)
     skin = Skin.load(inputs.skin).with_ends(rig.surfaces)
+    bones = {name: Shape(s.vertices, s.vertices, s.triangles) for name, s in rig.surfaces.items()}
+    require_inside({"bones": bones}, skin, inputs.rig)
     crease_tissue(rig, skin, dataset.hand, edges).save(output, inputs.all())
 
 

@@ -35,7 +35,8 @@ def make_tissue(
     bones: Mapping[str, Surface], inside: Inside, skin: Skin, edge: float, young: float
 ) -> Tissue:
     """A tissue between the inner surface and the neutral skin; edge of the tets in mm, young in kPa."""
-    require_inside(inside, skin)
+    bodies = {layer: inside.below.get(layer, {}) for layer in inside.layers}
+    require_inside(bodies, skin, inside.source)
     mesh, occupancy = tissue_mesh(skin.surface, inside.surface, edge)
     points = inner_points(inside.below, inside.layers, inside.surface, slack=0.25)
     mesh, occupancy, points = without_pockets(mesh, occupancy, skin.surface, points)
@@ -45,10 +46,10 @@ def make_tissue(
     return Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(bones), weights, settings)
 
 
-def require_inside(inside: Inside, skin: Skin) -> None:
-    """Name bodies that lie outside of the neutral skin; `InputError` where one is far outside."""
-    for layer in inside.layers:
-        for name, shape in inside.below.get(layer, {}).items():
+def require_inside(bodies: Mapping[str, Shapes], skin: Skin, source: Path) -> None:
+    """Name bodies, by layer, that lie outside of the neutral skin; `InputError` where one is far outside."""
+    for layer, shapes in bodies.items():
+        for name, shape in shapes.items():
             if shape.cells.shape[1] != 3:
                 continue
             beyond = skin.outside(shape.vertices)
@@ -59,5 +60,5 @@ def require_inside(inside: Inside, skin: Skin) -> None:
             problem = f"lies up to {beyond[worst]:.1f} mm outside of the skin, near ({place}) mm in neutral"
             if beyond[worst] > WRONG:
                 remedy = "Look at its segmentation or its template, and at the scan there"
-                raise InputError(inside.source, f"{layer}: {name}", problem, remedy)
+                raise InputError(source, f"{layer}: {name}", problem, remedy)
             log.warning("%s: %s %s", layer, name, problem)
