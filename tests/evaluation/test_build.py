@@ -1,11 +1,13 @@
-"""Benchmark files as Snakemake writes them."""
+"""Benchmark files as Snakemake writes them, and logs as jobs do."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from handpipe.evaluation.build import build_metrics, cost_table, read_jobs
+from handpipe.evaluation.build import build_metrics, cost_table, read_jobs, read_warnings
 
 HEAD = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
 
@@ -52,3 +54,28 @@ def test_costliest_rule_comes_first(folder: Path):
 def test_no_benchmarks(tmp_path: Path):
     assert build_metrics(read_jobs(tmp_path)) == {"jobs": (0, "1")}
     assert cost_table([]) is None
+
+
+def test_warnings_of_jobs_are_read_from_their_logs(tmp_path: Path) -> None:
+    """Logs are written by what every job's script calls."""
+    scripts = Path(__file__).parents[2] / "workflow" / "scripts"
+    code = (
+        "import logging, sys; from common import log_to; log_to(sys.argv[1]);"
+        "logging.getLogger('handpipe.rig').info('11:00:00 WARNING nothing: at all');"
+        "[logging.getLogger('handpipe.rig').warning('%s: is 5 %% off', name) for name in sys.argv[2:]]"
+    )
+    for file, names in (
+        ("fit_rig/all.log", ["MP2", "DIP2"]),
+        ("simulate/close/1.log", ["fat"]),
+        ("quiet/all.log", []),
+    ):
+        (tmp_path / file).parent.mkdir(parents=True)
+        call = [sys.executable, "-c", code, str(tmp_path / file), *names]
+        subprocess.run(
+            call, check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(scripts), *sys.path])}
+        )
+    assert read_warnings(tmp_path) == {
+        "fit_rig": ["MP2: is 5 % off", "DIP2: is 5 % off"],
+        "simulate": ["close/1: fat: is 5 % off"],
+    }
+    assert read_warnings(tmp_path / "nowhere") == {}

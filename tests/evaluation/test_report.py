@@ -109,6 +109,10 @@ def full(dataset: Dataset) -> ReportInput:
         jobs=[Job("fit_rig", 4.0, 3.0, 0.5, 100.0)],
         settings={"material": "stable neo-Hookean"},
         limits=["Frames between examples are <interpolated>."],
+        job_warnings={
+            "make_skin": ["a bridge <was> cut"],
+            "simulate": ["close/0: a muscle folds", "close/1: so"],
+        },
     )
 
 
@@ -171,6 +175,9 @@ def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInpu
         "on 2001-02-03, commit abcdef",
         "scans/fist.ply",
         "0123456789",
+        "Warnings of jobs: 3",
+        "a bridge &lt;was&gt; cut",
+        "close/1: so",
     ):
         assert expected in text
     assert "&lt;interpolated&gt;" in text and "stable neo-Hookean" in text

@@ -280,6 +280,11 @@ def test_status_counts_jobs_as_the_workflow_does(copy: Path) -> None:
     assert built.returncode == 0, built.stderr
     done, jobs = map(int, re.findall(r"small: (\d+) of (\d+) jobs are done", built.stdout)[0])
     assert done == jobs > 0
+    logs = [p.read_text(encoding="utf-8") for p in (copy / "results/small/logs").rglob("*.log")]
+    count = sum(" WARNING " in line for log in logs for line in log.splitlines())
+    assert (f"warnings: {count} (handpipe warnings small)" in built.stdout) == (count > 0)
+    listed = call(copy, "warnings", "small").stdout.splitlines()
+    assert sum(line.startswith("  ") for line in listed) == count
     seeds = nibabel.load(copy / "small/bent-seeds.nii.gz")
     write_image(copy / "small/bent-seeds.nii.gz", np.asarray(seeds.dataobj)[::-1], seeds.affine)
     left = planned(copy, "segmentation", "--config", "subjects=[small]")

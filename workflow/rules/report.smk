@@ -68,6 +68,7 @@ rule report:
             for s in SETTINGS.scenes
         },
         jobs=lambda w: str(paths.at(paths.COSTS, subject=w.subject)),
+        logs=lambda w: str(paths.at(paths.LOGS, subject=w.subject)),
         benchmarks=paths.benchmark_of("fem.json"),  # shown where someone has made it
         settings=SETTINGS.shown,
     message:

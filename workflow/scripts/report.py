@@ -5,7 +5,7 @@ from pathlib import Path
 from common import dataset_of, inputs_of, outputs_of, stage
 
 with stage(snakemake):
-    from handpipe.stages.hand.report import Inputs, Outputs, report
+    from handpipe.stages.hand.report import Inputs, JobFiles, Outputs, report
 
     report(
         inputs_of(snakemake, Inputs),
@@ -13,6 +13,6 @@ with stage(snakemake):
         dataset_of(snakemake),
         {scene: [Path(path) for path in paths] for scene, paths in snakemake.params.scenes.items()},
         snakemake.params.settings,
-        Path(snakemake.params.jobs),
+        JobFiles(Path(snakemake.params.jobs), Path(snakemake.params.logs)),
         Path(snakemake.params.benchmarks),
     )

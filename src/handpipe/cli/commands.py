@@ -17,6 +17,7 @@ from handpipe.cli import status as progress
 from handpipe.cli.first_scene import scene_files
 from handpipe.core import HandpipeError, InputError, paths, reported
 from handpipe.core.configuration import Dataset, every_fault, load_dataset, load_scene
+from handpipe.evaluation import read_warnings
 from handpipe.hand import faults
 from handpipe.synthetic import generators
 
@@ -123,7 +124,9 @@ def build(
     code = workflow.run(_asked(subject, scene, configfile, stage), cores)
     report = paths.at(paths.REPORT, subject=subject)
     if code == 0 and stage == "all":
-        print(f"handpipe: done. The report is {report}")
+        count = _warnings(subject)
+        done = f"done, with {count} warnings (handpipe warnings {subject})" if count else "done"
+        print(f"handpipe: {done}. The report is {report}")
     return int(code != 0)
 
 
@@ -141,6 +144,8 @@ def status(
     stages = progress.stages(left, whole, subject)
     done, to_do = sum(s.done for s in stages), sum(s.left for s in stages)
     print(f"{subject}: {done} of {done + to_do} jobs are done")
+    if count := _warnings(subject):
+        print(f"warnings: {count} (handpipe warnings {subject})")
     state = "running" if workflow.is_running() else "interrupted"
     for file in workflow.unfinished_files():
         print(f"{state}: {file}")
@@ -153,6 +158,16 @@ def status(
     more = f", and {unknown} jobs of unknown length" if unknown else ""
     rest = progress.duration(sum(s.seconds_left for s in stages) / cores)
     print(f"time left on {cores} cores: about {rest}{more}")
+
+
+@app.command()
+def warnings(subject: Subject) -> None:
+    """List what the jobs of the subject's builds warned of, by rule."""
+    _dataset_file(subject)
+    for rule, said in read_warnings(paths.at(paths.LOGS, subject=subject)).items():
+        print(rule)
+        for warning in said:
+            print(f"  {warning}")
 
 
 @app.command()
@@ -372,6 +387,11 @@ def _asked(subject: str, scenes: list[str] | None, configuration: Path | None, s
     """What to build: the scene of the subject's own name, if there is one and no other is asked for."""
     own = [subject] if scene_files(subject)[0].is_file() and configuration is None else []
     return workflow.Build(subject, scenes or own, configuration, stage)
+
+
+def _warnings(subject: str) -> int:
+    """The number of warnings of a subject's jobs."""
+    return sum(map(len, read_warnings(paths.at(paths.LOGS, subject=subject)).values()))
 
 
 def _dataset_file(subject: str) -> Path:

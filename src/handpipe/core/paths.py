@@ -131,8 +131,9 @@ REPORT = f"{SUBJECT}/report.html"
 PICTURES = f"{SUBJECT}/pictures"
 COMPLETE = f"{SUBJECT}/complete.json"
 
-# What Snakemake measured of the jobs.
+# What Snakemake measured of the jobs, and what they logged.
 COSTS = f"{SUBJECT}/benchmarks"
+LOGS = f"{SUBJECT}/logs"
 
 # Benchmarks of the code, of no subject.
 BENCHMARKS = f"{RESULTS}/benchmarks"
@@ -188,7 +189,7 @@ def table_of(stage: str) -> str:
 
 def log_of(rule: str, *wildcards: str) -> str:
     """Pattern of the logs of a rule: one for each value of the wildcards, or "all"."""
-    return f"{SUBJECT}/logs/{rule}/{_name(wildcards)}.log"
+    return f"{LOGS}/{rule}/{_name(wildcards)}.log"
 
 
 def costs_of(rule: str) -> str:

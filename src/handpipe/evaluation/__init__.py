@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.evaluation.build import Job, build_metrics, read_jobs
+    from handpipe.evaluation.build import Job, build_metrics, read_jobs, read_warnings
     from handpipe.evaluation.frames import (
         figure_metrics,
         figure_names,
@@ -59,6 +59,7 @@ __all__ = [
     "pose_metrics",
     "pose_warnings",
     "read_jobs",
+    "read_warnings",
     "reliability_metrics",
     "reliability_rows",
     "skin_metrics",

@@ -1,8 +1,9 @@
-"""Time and memory of a build, from the benchmark files that Snakemake writes."""
+"""Time, memory and warnings of a build, from the benchmark files that Snakemake writes and the jobs' logs."""
 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,8 @@ from handpipe.core import Metrics
 from handpipe.evaluation.table import Cell, Table
 
 MIB_PER_GIB = 1024.0  # MiB in a GiB
+ALL = "all"  # name of the only job of a rule, see `paths.log_of`
+WARNED = re.compile(r"[\d:]+ WARNING \S+: (.+)")  # a line of a log; what it says
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,31 @@ def read_jobs(folder: str | Path, rule: str | None = None) -> list[Job]:
                 memory = _number(row.get("max_rss")) / MIB_PER_GIB
                 jobs.append(Job(name, seconds, cpu, memory, path.stat().st_mtime, "/".join(rest)))
     return jobs
+
+
+def read_warnings(folder: str | Path) -> dict[str, list[str]]:
+    """What jobs of a build warned of, from their logs.
+
+    Parameters
+    ----------
+    folder : path
+        Folder with the files `{rule}/….log`.
+
+    Returns
+    -------
+    dict of str to list of str
+        Sentences by rule, each after the name of its job if the rule has several, in the order of the files' paths.
+    """
+    folder = Path(folder)
+    found: dict[str, list[str]] = {}
+    for path in sorted(folder.rglob("*.log")):
+        rule, *rest = path.relative_to(folder).with_suffix("").parts
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        job = "" if rest == [ALL] else f"{'/'.join(rest)}: "
+        said = [f"{job}{line[1]}" for line in map(WARNED.fullmatch, lines) if line]
+        if said:
+            found.setdefault(rule, []).extend(said)
+    return found
 
 
 def build_metrics(jobs: Sequence[Job], start: float | None = None, end: float | None = None) -> Metrics:

@@ -141,6 +141,8 @@ class ReportInput:
         Sentences on the limits of the method.
     warnings : sequence of str
         Sentences that the report shows first.
+    job_warnings : mapping of str to sequence of str
+        What jobs warned of, by rule.
     """
 
     dataset: Dataset
@@ -158,6 +160,7 @@ class ReportInput:
     inputs: Mapping[str, str] = field(default_factory=dict)
     limits: Sequence[str] = ()
     warnings: Sequence[str] = ()
+    job_warnings: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
     def directions(self) -> HandDirections | None:
@@ -263,6 +266,7 @@ def _content(report: ReportInput, made: Sequence[tuple[PoseView, list[Picture]]]
         "scripts": page_scripts(),
         "limits": list(report.limits),
         "warnings": [*report.warnings, *([UNTOLD] if report.poses and report.directions is None else [])],
+        "job_warnings": report.job_warnings,
     }
 
 

@@ -18,6 +18,7 @@ from handpipe.evaluation import (
     frame_warnings,
     pose_warnings,
     read_jobs,
+    read_warnings,
     write_report,
 )
 from handpipe.hand import StoredFrames, read_frames
@@ -53,13 +54,21 @@ class Outputs(Files):
     pictures: Path
 
 
+@dataclass(frozen=True)
+class JobFiles:
+    """Folders of what Snakemake measured of the subject's jobs, and of what they logged."""
+
+    costs: Path
+    logs: Path
+
+
 def report(
     inputs: Inputs,
     outputs: Outputs,
     dataset: Dataset,
     scenes: Mapping[str, Sequence[Path]],
     settings: Mapping[str, str],
-    jobs: Path,
+    jobs: JobFiles,
     benchmarks: Path,
 ) -> None:
     """One HTML file with pictures, tables, figures and costs of a subject; the pictures as files, too."""
@@ -129,7 +138,8 @@ def report(
             metrics=asked,
             scenes=frames,
             warnings=warnings,
-            jobs=read_jobs(jobs),
+            jobs=read_jobs(jobs.costs),
+            job_warnings=read_warnings(jobs.logs),
             benchmarks=metrics.read(benchmarks) if benchmarks.exists() else {},
             settings=settings,
             made=_made(inputs),

@@ -20,7 +20,7 @@ FIRST_MARGIN = 0.05  # mm, first margin between a muscle and a bone
 MARGIN_GROWTH = 1.5  # growth of the margin in each further round: bones reach through large triangles
 LARGEST_MARGIN = 2.0  # mm
 ROUNDS = 60  # at most
-UNFOLDINGS, PARTINGS = 30, 10  # rounds in which muscles unfold, and of coming apart again after each, at most
+UNFOLDING = 60  # further rounds, at most, in which muscles unfold and come apart again
 MOST_PUSHES = 5  # of two fully deflated muscles, before they are smoothed farther
 DEPTHS = (
     0.3,
@@ -76,24 +76,26 @@ def _deflated(muscles: Sequence[Collider], bones: Sequence[Collider], deepest: f
     """One attempt of `disjoint_start`: pushes resolve penetrations up to `deepest` mm.
 
     Deflated muscles that cut themselves would keep their folds while they grow back: they are deflated
-    further. Where that leads nowhere, bodies that are apart from one another serve, folds and all.
+    further. Where that leads nowhere, the bodies with the fewest folds serve that are apart from one another.
     """
     scene = _Deflating(muscles, bones, deepest)
     pair = scene.part(ROUNDS)
-    if not scene.moved:
+    if not scene.rounds:
         return None
     if pair:
         raise Inseparable("Separation of muscles", f"{pair} intersect even when deflated to threads")
-    apart = scene.places()
-    for _ in range(UNFOLDINGS):
+    best, least, most = scene.places(), np.inf, scene.rounds + UNFOLDING
+    while not pair:
         folded = scene.folds()
-        if not folded:
-            return scene.places()
+        count = sum(map(len, folded.values()))
+        if count < least:
+            best, least = scene.places(), count
+        if not folded or scene.rounds >= most:
+            break
         log.info("separation: muscles that cut themselves: %s", ", ".join(muscles[i].name for i in folded))
         scene.unfold(folded)
-        if scene.part(PARTINGS):
-            break
-    return apart
+        pair = scene.part(most)
+    return best
 
 
 class _Deflating:
@@ -104,7 +106,7 @@ class _Deflating:
         self._starts = [_Start(body, self._bodies, deepest) for body in muscles]
         self._at = [body.surface for body in self._bodies]
         self._pairs = self._open = body_pairs(muscles, bones)
-        self.moved = False
+        self.rounds = 0  # in which muscles moved
 
     def places(self) -> list[Array]:
         """Vertices (n, 3) of each muscle."""
@@ -115,10 +117,10 @@ class _Deflating:
         bodies, at = self._bodies, self._at
         return [(i, j) for i, j in self._open if meet(bodies[i], bodies[j], at[i], at[j])]
 
-    def part(self, rounds: int) -> str:
-        """Move muscles until no bodies intersect; two that still do after so many rounds, by name."""
+    def part(self, most: int) -> str:
+        """Move muscles until no bodies intersect; two that still do when so many rounds are made, by name."""
         pair = ""
-        for _ in range(rounds):
+        while self.rounds < most:
             meeting = self._meeting()
             if not meeting:
                 self._open = []
@@ -143,7 +145,7 @@ class _Deflating:
         self._move(set(folded))
 
     def _move(self, moved: set[int]) -> None:
-        self.moved = True
+        self.rounds += 1
         for i in moved:
             self._at[i] = self._at[i].moved(self._starts[i].vertices())
         self._open = [(i, j) for i, j in self._pairs if i in moved or j in moved]
