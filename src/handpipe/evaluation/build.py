@@ -82,7 +82,7 @@ def read_warnings(folder: str | Path) -> dict[str, list[str]]:
     Returns
     -------
     dict of str to list of str
-        Sentences by rule, each after the name of its job if the rule has several, in the order of the files' paths.
+        Sentences by rule, in the order of the files' paths; after the name of the job if the rule has several.
     """
     folder = Path(folder)
     found: dict[str, list[str]] = {}
