@@ -82,7 +82,7 @@ def read_warnings(folder: str | Path) -> dict[str, list[str]]:
     Returns
     -------
     dict of str to list of str
-        Sentences by rule, in the order of the files' paths; after the name of the job if the rule has several.
+        Sentences by rule, in the order of the files; after the name of the job if the rule has several.
     """
     folder = Path(folder)
     found: dict[str, list[str]] = {}
