@@ -39,10 +39,11 @@ def judged(root: Path, *folders: Path) -> tuple[int, Path, Path]:
 def test_figures_are_means_spread_and_worst_of_the_test_hands(tmp_path: Path) -> None:
     """Three times the errors: the same ratio of models. The validation hand has a table of its own."""
     first, second = hand(tmp_path, "hand-child"), hand(tmp_path, "hand-woman", 3.0)
+    (second / "complete.json").write_text("{}")
     code, figures, page = judged(tmp_path, first, second, hand(tmp_path, "phantom-hand-preview", 50.0))
     found = {name: entry["value"] for name, entry in json.loads(figures.read_text()).items()}
     assert code == 0
-    assert found["hands"] == 2
+    assert (found["hands"], found["hands_complete"]) == (2, 1)
     assert found["m0_over_best_heldout"] == pytest.approx(0.2 / 0.3)
     assert found["heldout_skin_mean_worst_hand"] == pytest.approx(0.6)
     assert found["heldout_muscle_mean"] == pytest.approx(0.2)
@@ -53,6 +54,7 @@ def test_figures_are_means_spread_and_worst_of_the_test_hands(tmp_path: Path) ->
     tests, validation = page.read_text().split("## Validation hands")
     assert "| m0, skin to true skin, held out | 0.2 | 0.6 | 0.4 | 0.283 |" in tests
     assert "| m0, skin to true skin, held out | 10 |" in validation
+    assert "| built to its end (1), or a frame of its scenes failed (0) | 0 | 1 | 0.5 |" in tests
     assert "no freeze was stated" in tests
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import InputError, Metrics, Parser, artifacts, metrics, reported
+from handpipe.core import InputError, Metrics, Parser, artifacts, metrics, paths, reported
 from handpipe.core.configuration import Model, load_yaml
 from handpipe.develop.results import build_commit, machine, stage_figures
 
@@ -39,6 +39,7 @@ ROWS = (
     ("rig, held out, mean shift", "rig", "heldout_translation_error_mean"),
 )
 RATIO = "m0_over_best"  # true skin, held out: m0's mean over the least of the other models'
+COMPLETE = "complete"  # 1 where the build came to its end, 0 where a frame of its scenes failed
 Hands = Mapping[str, Metrics]
 
 
@@ -87,6 +88,7 @@ def figures_by_hand(folders: Sequence[Path]) -> dict[str, Metrics]:
             own[f"{stage}_{name}"] = stages[stage][name]
         true = {model: own[f"baselines_{model}_true_heldout_error_mean"][0] for model in MODELS}
         own[RATIO] = (true["m0"] / min(true[model] for model in OTHERS), "1")
+        own[COMPLETE] = (float((folder / Path(paths.COMPLETE).name).is_file()), "1")
         found[folder.name] = own
     return found
 
@@ -102,7 +104,7 @@ def over_hands(hands: Hands) -> Metrics:
     Returns
     -------
     Metrics
-        `hands`, five figures that aims are stated of, `{figure}_over_hands_mean` and `_sd` (of a sample, from
+        `hands`, how many were built to their ends, four figures that aims are stated of, `{figure}_over_hands_mean` and `_sd` (of a sample, from
         two hands on), and each hand's own as `{hand}: {figure}`.
     """
 
@@ -111,6 +113,7 @@ def over_hands(hands: Hands) -> Metrics:
 
     found: Metrics = {
         "hands": (len(hands), "1"),
+        "hands_complete": (sum(values(COMPLETE)), "1"),
         "m0_over_best_heldout": (float(np.mean(values(RATIO))), "1"),
         "heldout_skin_mean_worst_hand": (max(values("baselines_m0_heldout_error_mean")), "mm"),
         "heldout_muscle_mean": (float(np.mean(values("muscles_heldout_surface_error_mean"))), "mm"),
@@ -173,7 +176,9 @@ def _table(hands: Hands, *, over: bool) -> Iterator[str]:
     yield f"| figure | {' | '.join(hands)} |" + (" mean | sd |" if over else "")
     yield "| --- " * (len(hands) + 1 + 2 * over) + "|"
     rows = [(text, f"{stage}_{name}") for text, stage, name in ROWS]
-    for text, name in (*rows, ("m0 over the best of m1, m2, m3, true skin, held out", RATIO)):
+    rows.append(("m0 over the best of m1, m2, m3, true skin, held out", RATIO))
+    rows.append(("built to its end (1), or a frame of its scenes failed (0)", COMPLETE))
+    for text, name in rows:
         values = [own[name][0] for own in hands.values()]
         cells = [f"{value:.3g}" for value in values]
         if over:
