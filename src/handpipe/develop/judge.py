@@ -104,8 +104,9 @@ def over_hands(hands: Hands) -> Metrics:
     Returns
     -------
     Metrics
-        `hands`, how many were built to their ends, four figures that aims are stated of, `{figure}_over_hands_mean` and `_sd` (of a sample, from
-        two hands on), and each hand's own as `{hand}: {figure}`.
+        `hands`, how many were built to their ends, four figures that aims are stated of,
+        `{figure}_over_hands_mean` and `_sd` (of a sample, from two hands on), and each hand's own as
+        `{hand}: {figure}`.
     """
 
     def values(name: str) -> list[float]:
