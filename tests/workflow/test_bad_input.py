@@ -237,6 +237,13 @@ def test_mistakes_in_files_of_other_subjects_and_scenes_stop_nothing(small: Path
         assert f"handpipe: {name} has no rules: config/datasets/{name}.yaml: " in process.stdout
 
 
+def test_a_subject_without_its_source_data_is_skipped_and_named_once(small: Path) -> None:
+    said = run(small, "all", "-n", "--config", "subjects=[small,zanatomy-hand-preview]", "scenes=[]")
+    assert said.returncode == 0, said.stdout
+    lines = [line for line in said.stdout.splitlines() if "is skipped" in line]
+    assert len(lines) == 1 and "zanatomy-hand-preview is skipped: its anatomy" in lines[0]
+
+
 def test_truncated_artifact(built_small: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     path = folder / SEGMENT

@@ -1,9 +1,12 @@
 # Variants of the full model, and the files that each has of its own.
 
+import functools
+
 from handpipe.core import LAYERS, paths
 from handpipe.stages.baselines.variants import VARIANTS
 
 
+@functools.cache
 def ablated_subjects():
     """Subjects that have every layer; others are named and left out."""
     kept = []

@@ -82,6 +82,7 @@ def dataset_file(subject):
     return f"config/datasets/{subject}.yaml"
 
 
+@functools.cache
 def buildable_subjects():
     """Subjects of the configuration whose source data are here; others are skipped with a reason."""
     kept = []
