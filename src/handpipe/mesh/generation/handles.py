@@ -23,6 +23,7 @@ from handpipe.mesh.surfaces.surface import Surface, component_labels
 HOLE = 3.0  # a bridge so many times as long around as a hole is cut rather than the hole filled
 PUSH = 0.05  # mean edges by which loops are pushed off the surface to tell around what they run
 EACH = 3  # one of so many vertices of a loop is looked at first
+WHOLE = 0.99  # of the area, at least, is in one piece beside a cut
 RINGS = 4  # of triangles beside a loop that are removed, at most, until the patches do not cut the surface
 
 
@@ -226,7 +227,10 @@ def _cut(surface: Surface, loop: IntArray) -> Surface | None:
         beside = band[surface.triangles].any(axis=1)
         band[surface.triangles[beside]] = True
         left = Surface(surface.vertices, surface.triangles[~beside])
-        filled = fill_holes(left.largest_component().compact(), [])
+        body = left.largest_component()
+        if body.area() < WHOLE * left.area():
+            continue
+        filled = fill_holes(body.compact(), [])
         if filled.is_closed() and genus(filled) < before and not cuts_itself(filled):
             return filled
     return None
