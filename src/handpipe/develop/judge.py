@@ -88,7 +88,7 @@ def figures_by_hand(folders: Sequence[Path]) -> dict[str, Metrics]:
             own[f"{stage}_{name}"] = stages[stage][name]
         true = {model: own[f"baselines_{model}_true_heldout_error_mean"][0] for model in MODELS}
         own[RATIO] = (true["m0"] / min(true[model] for model in OTHERS), "1")
-        own[COMPLETE] = (float((folder / Path(paths.COMPLETE).name).is_file()), "1")
+        own[COMPLETE] = (float((folder / paths.below(paths.COMPLETE)).is_file()), "1")
         found[folder.name] = own
     return found
 

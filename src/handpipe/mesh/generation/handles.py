@@ -20,6 +20,7 @@ from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.generation.surface_repair import fill_holes
 from handpipe.mesh.surfaces.surface import Surface, component_labels
 
+BRIDGE = 25.0  # mm around a bridge that is cut, at most: less than around a child's finger
 HOLE = 3.0  # a bridge so many times as long around as a hole is cut rather than the hole filled
 PUSH = 0.05  # mean edges by which loops are pushed off the surface to tell around what they run
 EACH = 3  # one of so many vertices of a loop is looked at first
@@ -68,7 +69,7 @@ def genus(surface: Surface) -> int:
     return pieces - (vertices - len(surface.edges()) + len(surface.triangles)) // 2
 
 
-def without_handles(surface: Surface, longest: float) -> tuple[Surface, list[Handle]]:
+def without_handles(surface: Surface, longest: float = BRIDGE) -> tuple[Surface, list[Handle]]:
     """Cut a closed surface along short loops that do not part it, until there is none.
 
     Triangles along the loop are removed, and both rims closed by smooth patches. That cuts a bridge or fills
@@ -78,7 +79,7 @@ def without_handles(surface: Surface, longest: float) -> tuple[Surface, list[Han
     ----------
     surface : Surface
         Closed surface in one piece, in mm.
-    longest : float
+    longest : float, optional
         Length in mm around a bridge that is cut, at most. Of a hole that is filled it is a third of that.
 
     Returns
@@ -110,14 +111,14 @@ def _cheapest(graph: _Graph) -> tuple[Handle, IntArray] | None:
     then those through all vertices of the cheapest one.
     """
     basis = graph.loops(0)
-    best = min(graph.handles(basis, basis), key=_cost, default=None)
-    asked = {0}
+    known = graph.handles(basis, basis)
+    best, asked = min(known, key=_cost, default=None), {0}
     ahead = list(np.unique(np.concatenate([loop[::EACH] for loop in basis])))
     while ahead:
         asked |= {*ahead}
         loops = [loop for root in ahead for loop in graph.loops(int(root))]
-        found = graph.handles(loops, basis)
-        best = min([*found, *([best] if best else [])], key=_cost, default=None)
+        known = [*graph.handles(loops, basis), *known]
+        best = min(known, key=_cost, default=None)
         ahead = [] if best is None else [v for v in best[1] if v not in asked]
     return best
 
@@ -138,6 +139,7 @@ class _Graph:
         self._paths = sparse.csr_matrix((np.tile(self._lengths, 2), both.T), shape=(n, n))
         order = np.argsort(surface.edge_numbers().ravel(), kind="stable")
         self._faces = (order // 3).reshape(-1, 2)
+        self._outwards = PUSH * self._lengths.mean() * surface.vertex_normals()
 
     def handles(self, loops: list[IntArray], basis: list[IntArray]) -> list[tuple[Handle, IntArray]]:
         """Loops of vertices that run around one bridge or hole, each with what it runs around.
@@ -146,21 +148,20 @@ class _Graph:
         rim of a cut through the body; for a loop around a hole it is the other way about.
         """
         found = []
-        links = (self._pushed(basis, PUSH), self._pushed(basis, -PUSH))
+        out, into = ([self._pushed(loop, sign) for loop in basis] for sign in (1, -1))
         for loop in loops:
             places = self._surface.vertices[loop]
             around = float(np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1).sum())
-            for bridge, others, own in ((True, links[0], -PUSH), (False, links[1], PUSH)):
-                [at] = self._pushed([loop], own)
+            for bridge, others, sign in ((True, out, -1), (False, into, 1)):
+                at = self._pushed(loop, sign)
                 if not any(_linking(at, other) for other in others):
                     found.append((Handle(places.mean(axis=0), around, bridge), loop))
                     break
         return found
 
-    def _pushed(self, loops: list[IntArray], share: float) -> list[Array]:
-        """Places of loops, pushed outwards by a share of the mean edge."""
-        by = share * self._lengths.mean() * self._surface.vertex_normals()
-        return [(self._surface.vertices + by)[loop] for loop in loops]
+    def _pushed(self, loop: IntArray, sign: int) -> Array:
+        """Places of a loop, pushed off the surface: 1 outwards, -1 inwards."""
+        return np.asarray(self._surface.vertices[loop] + sign * self._outwards[loop])
 
     def loops(self, root: int) -> list[IntArray]:
         """Loops through a vertex, two for each handle: no combination of them parts the surface.

@@ -18,7 +18,6 @@ ROUNDING = 6.0  # mm of the cut's edge
 SPACING = 1.2  # mm of the grid that is contoured
 CREASE = 1.5  # mm, standard deviation of the smoothing of creases
 KNOWN = 5.0  # mm around the surface where the field is a distance
-BRIDGE = 25.0  # mm around a bridge between fingers that is cut, at most
 BLEND = 3.0  # mm over which cones run into one another: less than the images', whose fingers touch
 
 
@@ -36,7 +35,7 @@ def skin_surface(layout: Layout, edge_length: float) -> Surface:
     # The field is no distance far from the surface; creases are rounded so that triangles can follow.
     smooth = gaussian_filter(np.clip(closed, -KNOWN, KNOWN), CREASE / SPACING)
     # Fingers of some hands touch at single places.
-    outer, _ = without_handles(isosurface(smooth, grid).largest_component(), BRIDGE)
+    outer, _ = without_handles(isosurface(smooth, grid).largest_component())
     return remesh(outer, edge_length)
 
 

@@ -16,7 +16,6 @@ from handpipe.mesh.surfaces import Distance, Surface, component_labels
 log = logging.getLogger(__name__)
 
 CUT_END = "cut_end"
-BRIDGE = 25.0  # mm around a bridge that is cut, at most: a child's little finger is 38 mm around
 FARTHEST = 0.6  # of the skin's longest extent: cut vertices farther apart are at both ends of the limb
 
 
@@ -152,9 +151,11 @@ def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
 
 def _without_bridges(closed: Surface, edge: float) -> Surface:
     """A scan without handles, cut with triangles of edges of about `edge` mm: a cut is four of them wide."""
-    found, handles = without_handles(remesh(closed, edge), BRIDGE)
+    found, handles = without_handles(remesh(closed, edge))
     for handle in handles:
-        log.warning("neutral scan: %s Parts that touched, as fingers do? Look at the skin there", handle)
+        log.warning(
+            "neutral scan: %s Look at the skin there: the scanner may have joined two fingers", handle
+        )
     if left := genus(found):
         text = "neutral scan: %d bridges between parts or holes through them are left: mend the scan"
         log.warning(text, left)
