@@ -1,6 +1,7 @@
 """Figures of test hands: means, spread and ratio by hand, refused where they are not of one freeze."""
 
 import json
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from handpipe.core import artifacts, metrics
 from handpipe.core.configuration.loading import load_yaml
 from handpipe.core.errors import InputError
-from handpipe.develop.judge import ROWS, HandKinds, figures_by_hand, main, require_freeze
+from handpipe.develop.judge import ROWS, HandKinds, figures_by_hand, main, read_record, require_freeze
 
 ROOT = Path(__file__).parents[2]
 KINDS = ROOT / "config" / "judge.yaml"
@@ -28,6 +29,19 @@ def hand(root: Path, name: str, size: float = 1.0, commit: str = "a" * 40) -> Pa
     for stage, found in stages.items():
         metrics.write(folder / "metrics" / f"{stage}.json", found)
     return folder
+
+
+def frozen(tag: str) -> str:
+    """An empty commit under a tag, in the repository of the working directory."""
+    person = ("-c", "user.name=a", "-c", "user.email=a@b")
+    for command in (
+        ("init", "-q"),
+        (*person, "commit", "-q", "--allow-empty", "-m", tag),
+        ("tag", tag),
+    ):
+        subprocess.run(("git", *command), check=True)
+    found = subprocess.run(("git", "rev-parse", "HEAD"), capture_output=True, text=True, check=True)
+    return found.stdout.strip()
 
 
 def judged(root: Path, *folders: Path) -> tuple[int, Path, Path]:
@@ -56,6 +70,36 @@ def test_figures_are_means_spread_and_worst_of_the_test_hands(tmp_path: Path) ->
     assert "| m0, skin to true skin, held out | 10 |" in validation
     assert "| built to its end (1), or a frame of its scenes failed (0) | 0 | 1 | 0.5 |" in tests
     assert "no freeze was stated" in tests
+
+
+def test_hands_of_one_freeze_are_gathered_over_several_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two runs of one hand each, one folder gone, are one run of both. A new freeze begins anew."""
+    (tmp_path / "repository").mkdir()
+    monkeypatch.chdir(tmp_path / "repository")
+    commit = frozen("freeze-1")
+    given = ("--kinds", str(KINDS), "--figures", "judge.json", "--page", "page.md", "--record", "record.json")
+    woman = hand(tmp_path, "hand-woman", 3.0, commit=commit)
+    both = [str(woman), str(hand(tmp_path, "hand-child", commit=commit))]
+    assert main([*both, *given, "--freeze", "freeze-1"]) == 0
+    at_once = json.loads(Path("judge.json").read_text()), Path("page.md").read_text()
+    Path("record.json").unlink()
+    assert main([str(woman), *given, "--freeze", "freeze-1"]) == 0
+    shutil.rmtree(woman)
+    assert main([both[1], *given, "--freeze", "freeze-1"]) == 0
+    assert (json.loads(Path("judge.json").read_text()), Path("page.md").read_text()) == at_once
+    assert at_once[0]["hands"]["value"] == 2
+
+    later = frozen("freeze-2")
+    assert main([str(hand(tmp_path, "hand-left", commit=later)), *given, "--freeze", "freeze-2"]) == 0
+    assert json.loads(Path("judge.json").read_text())["hands"]["value"] == 1
+
+
+def test_a_record_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "record.json").write_text('{"commit": "a", "hands": {"hand-child": [1]}}')
+    with pytest.raises(InputError, match=r"record.json: hands: is no record"):
+        read_record(tmp_path / "record.json", "a")
 
 
 def test_hands_of_two_builds_are_refused(tmp_path: Path) -> None:
@@ -96,16 +140,7 @@ def test_a_build_of_another_commit_than_the_freeze_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    person = ("-c", "user.name=a", "-c", "user.email=a@b")
-    for command in (
-        ("init", "-q"),
-        (*person, "commit", "-q", "--allow-empty", "-m", "x"),
-        ("tag", "freeze-1"),
-    ):
-        subprocess.run(("git", *command), check=True)
-    commit = subprocess.run(
-        ("git", "rev-parse", "HEAD"), capture_output=True, text=True, check=True
-    ).stdout.strip()
+    commit = frozen("freeze-1")
     require_freeze(commit, "freeze-1")
     with pytest.raises(InputError, match="is not"):
         require_freeze("b" * 40, "freeze-1")

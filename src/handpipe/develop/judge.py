@@ -2,12 +2,13 @@
 
 The protocol is docs/judge.md: test hands are run once, at a freeze, and reported whatever they say. The
 command refuses builds of several commits or of another commit than the freeze, and hands without the figures
-of a stage.
+of a stage. Hands of one freeze may be built and judged in turn: a record keeps the figures of those before.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from handpipe.develop.results import build_commit, machine, stage_figures
 
 KINDS = Path("config/judge.yaml")
 FIGURES, PAGE = Path("results/benchmarks/judge.json"), Path("docs/judge-figures.md")
+RECORD = Path("docs/judged-hands.json")
 MODELS = ("m0", "m1", "m2", "m3")
 OTHERS = MODELS[1:]  # of which m0 is compared with the best
 # Text, stage and metric of each row of a table; all are of one value and unit.
@@ -151,6 +153,40 @@ def require_freeze(commit: str, tag: str) -> None:
         raise InputError("build", "commit", problem, "Build all test hands anew at the freeze")
 
 
+def read_record(path: Path, commit: str) -> dict[str, Metrics]:
+    """Figures of the hands that were judged at a commit before; none where the record is of another commit.
+
+    Parameters
+    ----------
+    path : Path
+        File that `write_record` wrote; it may be absent.
+    commit : str
+        Commit of the freeze.
+
+    Raises
+    ------
+    InputError
+        If the file is no such record.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        hands = {
+            hand: {name: (float(value), str(unit)) for name, (value, unit) in own.items()}
+            for hand, own in found["hands"].items()
+        }
+        return hands if found["commit"] == commit else {}
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(path, "hands", f"is no record ({error})", "Restore it, or remove it") from error
+
+
+def write_record(path: Path, hands: Hands, commit: str) -> None:
+    """Keep the figures of the hands that were judged at a commit."""
+    record = {"commit": commit, "hands": {hand: dict(sorted(own.items())) for hand, own in hands.items()}}
+    artifacts.write_text(path, json.dumps(record, indent=1) + "\n")
+
+
 def judge_page(hands: Hands, kinds: HandKinds, commit: str, freeze: str | None) -> str:
     """The tables in Markdown, those of test hands and of validation hands apart."""
     frozen = (
@@ -193,6 +229,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("folders", metavar="SUBJECT_FOLDER", nargs="+", type=Path)
     parser.add_argument("--freeze", help="tag of the commit at which all hands must have been built")
+    parser.add_argument("--record", type=Path, default=RECORD, help="figures of the hands of one freeze")
     parser.add_argument("--kinds", type=Path, default=KINDS, help="file of validation and test hands")
     parser.add_argument("--figures", type=Path, default=FIGURES)
     parser.add_argument("--page", type=Path, default=PAGE)
@@ -204,6 +241,11 @@ def main(arguments: list[str] | None = None) -> int:
         if options.freeze:
             require_freeze(commit, options.freeze)
         hands = figures_by_hand(options.folders)
+        if options.freeze:
+            gathered = read_record(options.record, commit) | hands
+            kinds.require([Path(name) for name in gathered])
+            hands = {name: gathered[name] for name in (*kinds.validation, *kinds.test) if name in gathered}
+            write_record(options.record, hands, commit)
         tested = {name: own for name, own in hands.items() if name in kinds.test}
         metrics.write(options.figures, over_hands(tested))
         artifacts.write_text(options.page, judge_page(hands, kinds, commit, options.freeze))
