@@ -187,6 +187,12 @@ rule ablations:
         lambda w: expand(paths.metrics_of("ablations"), subject=ablated_subjects()),
 
 
+rule deviations:
+    input:
+        subject_checks(),
+        each_subject(paths.metrics_of("deviations")),
+
+
 rule simulation:
     input:
         subject_checks(),

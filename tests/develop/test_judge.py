@@ -96,6 +96,20 @@ def test_hands_of_one_freeze_are_gathered_over_several_runs(
     assert json.loads(Path("judge.json").read_text())["hands"]["value"] == 1
 
 
+def test_coverage_counts_the_hands_that_have_it(tmp_path: Path) -> None:
+    first, second = hand(tmp_path, "hand-child"), hand(tmp_path, "hand-woman")
+    third = hand(tmp_path, "hand-left")
+    for folder, share in ((first, 0.9), (third, 1.0)):
+        covered = {"coverage_two_deviations_heldout": (share, "1")}
+        metrics.write(folder / "metrics" / "deviations.json", covered)
+    code, figures, page = judged(tmp_path, first, second, third)
+    found = {name: entry["value"] for name, entry in json.loads(figures.read_text()).items()}
+    assert code == 0
+    assert (found["coverage_two_deviations"], found["coverage_hands"]) == (pytest.approx(0.95), 2)
+    row = "| within two stated deviations, held out, mean of the kinds | 0.9 |  | 1 | 0.95 | 0.0707 |"
+    assert row in page.read_text()
+
+
 def test_a_record_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "record.json").write_text('{"commit": "a", "hands": {"hand-child": [1]}}')
     with pytest.raises(InputError, match=r"record.json: hands: is no record"):

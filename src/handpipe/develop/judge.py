@@ -40,6 +40,14 @@ ROWS = (
     ("rig, held out, mean turn", "rig", "heldout_rotation_error_mean"),
     ("rig, held out, mean shift", "rig", "heldout_translation_error_mean"),
 )
+# The same of a stage that a hand may lack: of freezes before the page had these rows.
+COVERAGE_ROWS = tuple(
+    (f"within two stated deviations, held out, {of}", "deviations", f"coverage_two_deviations_heldout{kind}")
+    for of, kind in (
+        ("mean of the kinds", ""),
+        *((kind, f"_{kind}") for kind in ("bones", "tendons", "muscles", "skin")),
+    )
+)
 RATIO = "m0_over_best"  # true skin, held out: m0's mean over the least of the other models'
 COMPLETE = "complete"  # 1 where the build came to its end, 0 where a frame of its scenes failed
 Hands = Mapping[str, Metrics]
@@ -88,6 +96,9 @@ def figures_by_hand(folders: Sequence[Path]) -> dict[str, Metrics]:
                 file = folder / "metrics" / f"{stage}.json"
                 raise InputError(file, name, "is not there", "Build `all` and `baselines` of this subject")
             own[f"{stage}_{name}"] = stages[stage][name]
+        for _, stage, name in COVERAGE_ROWS:
+            if name in stages.get(stage, {}):
+                own[f"{stage}_{name}"] = stages[stage][name]
         true = {model: own[f"baselines_{model}_true_heldout_error_mean"][0] for model in MODELS}
         own[RATIO] = (true["m0"] / min(true[model] for model in OTHERS), "1")
         own[COMPLETE] = (float((folder / paths.below(paths.COMPLETE)).is_file()), "1")
@@ -106,13 +117,13 @@ def over_hands(hands: Hands) -> Metrics:
     Returns
     -------
     Metrics
-        `hands`, how many were built to their ends, four figures that aims are stated of,
-        `{figure}_over_hands_mean` and `_sd` (of a sample, from two hands on), and each hand's own as
-        `{hand}: {figure}`.
+        `hands`, how many were built to their ends, four figures that aims are stated of, coverage where it
+        was measured, `{figure}_over_hands_mean` and `_sd` (of a sample, from two hands on), and each
+        hand's own as `{hand}: {figure}`.
     """
 
     def values(name: str) -> list[float]:
-        return [own[name][0] for own in hands.values()]
+        return [own[name][0] for own in hands.values() if name in own]
 
     found: Metrics = {
         "hands": (len(hands), "1"),
@@ -122,9 +133,13 @@ def over_hands(hands: Hands) -> Metrics:
         "heldout_muscle_mean": (float(np.mean(values("muscles_heldout_surface_error_mean"))), "mm"),
         "heldout_muscle_max": (max(values("muscles_heldout_surface_error_max")), "mm"),
     }
-    for name, (_, unit) in next(iter(hands.values())).items():
+    covered = values("deviations_coverage_two_deviations_heldout")
+    if covered:
+        found["coverage_two_deviations"] = (float(np.mean(covered)), "1")
+        found["coverage_hands"] = (len(covered), "1")
+    for name, unit in {name: unit for own in hands.values() for name, (_, unit) in own.items()}.items():
         found[f"{name}_over_hands_mean"] = (float(np.mean(values(name))), unit)
-        if len(hands) > 1:
+        if len(values(name)) > 1:
             found[f"{name}_over_hands_sd"] = (float(np.std(values(name), ddof=1)), unit)
     return found | {f"{hand}: {name}": value for hand, own in hands.items() for name, value in own.items()}
 
@@ -212,12 +227,14 @@ def _table(hands: Hands, *, over: bool) -> Iterator[str]:
     """Rows of the figures by hand; over: also the mean and the deviation over hands."""
     yield f"| figure | {' | '.join(hands)} |" + (" mean | sd |" if over else "")
     yield "| --- " * (len(hands) + 1 + 2 * over) + "|"
-    rows = [(text, f"{stage}_{name}") for text, stage, name in ROWS]
+    rows = [(text, f"{stage}_{name}") for text, stage, name in (*ROWS, *COVERAGE_ROWS)]
     rows.append(("m0 over the best of m1, m2, m3, true skin, held out", RATIO))
     rows.append(("built to its end (1), or a frame of its scenes failed (0)", COMPLETE))
     for text, name in rows:
-        values = [own[name][0] for own in hands.values()]
-        cells = [f"{value:.3g}" for value in values]
+        values = [own[name][0] for own in hands.values() if name in own]
+        if not values:
+            continue
+        cells = [f"{own[name][0]:.3g}" if name in own else "" for own in hands.values()]
         if over:
             cells += [f"{np.mean(values):.3g}", f"{np.std(values, ddof=1):.3g}" if len(values) > 1 else ""]
         yield f"| {text} | {' | '.join(cells)} |"
