@@ -104,7 +104,7 @@ def test_an_edit_discards_the_pose_and_stop_ends_a_solve(page, session: CurveSes
     settled(page)
     page.fill("#pose-degrees", "90")
     page.click("#simulate")
-    page.wait_for_selector("#said:has-text('Simulating')")
+    page.wait_for_selector("#rest:has-text('Stop')")  # as long as the solve runs; what is said soon changes
     page.click("#rest")
     page.wait_for_selector("#said:has-text('At rest')")
     assert session.pose_state() == {"state": "rest"}
