@@ -80,7 +80,10 @@ class Finger:
 
     def built_skins(self, pose: str) -> dict[str, Surface]:
         """The skin of a pose by the other models."""
-        [(_, models)] = read_frames(self.folder / paths.below(paths.POSE_SKIN, pose=pose))
+        models: dict[str, Shapes] = {}
+        for pattern in (paths.POSE_SKIN, paths.POSE_PASSIVE_SKIN):
+            [(_, found)] = read_frames(self.folder / paths.below(pattern, pose=pose))
+            models |= found
         skins = {name: models[model]["skin"] for name, model in MODELS.items()}
         return {name: Surface(skin.vertices, skin.cells) for name, skin in skins.items()}
 

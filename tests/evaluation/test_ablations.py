@@ -293,13 +293,14 @@ def test_errors_of_variants_are_the_differences_of_the_radii(tmp_path: Path):
     poses = {pose: FittedPose(HOME, {}, frozenset()) for pose in ROLES}
     Rig("a", (), {"a": Surface(3.0 * ball.vertices, ball.faces)}, poses).save(tmp_path / "rig.h5")
     Skin(Surface(10.0 * ball.vertices, ball.faces), {}).save(tmp_path / "skin.h5", [])
-    files: dict[str, list[Path]] = {"scans": [], "skins": [], "ablated_skins": [], "truth": []}
+    kinds = {"skins": ["m0"], "passive": ["m1", "m2"], "ablated_skins": [*RADII][3:]}
+    files: dict[str, list[Path]] = {"scans": [], "truth": [], **{kind: [] for kind in kinds}}
     for pose_ in ROLES:
         frame = Frame(pose_, {}, {"a": RigidTransform.identity()})
         shapes = {
             m: {"skin": Shape(10 * ball.vertices, r * ball.vertices, ball.faces)} for m, r in RADII.items()
         }
-        for kind, models in (("skins", ("m0", "m1", "m2")), ("ablated_skins", [*RADII][3:])):
+        for kind, models in kinds.items():
             files[kind].append(tmp_path / f"{pose_}-{kind}.h5")
             write_frames(files[kind][-1], [(frame, {m: shapes[m] for m in models})])
         files["scans"].append(tmp_path / f"{pose_}.ply")

@@ -28,10 +28,17 @@ RADII = {  # mm of each model's skin, by pose; scans have 10 mm
     "hook": {"m0": 9.9, "m1": 10.6, "m2": 9.5, "m3": 9.6, "linear": 11.0},
 }
 ROLES = {"fist": Role.example, "half": Role.heldout, "hook": Role.heldout}
+KINDS = {"skins": ["m0"], "passive": ["m1", "m2"], "baselines": ["m3", "linear"]}  # models by file
 
 
 def ball(radius: float) -> Surface:
     return Surface(BALL.vertices * (radius / 10.0), BALL.faces)
+
+
+def settled(radius: float) -> dict[str, float]:
+    """Figures of a skin's contact; its overlap is the distance of a radius from 20."""
+    settled = {"contact_renewals": 3.0, "contact_motion": 0.1, "contact_unsettled": 1.0}
+    return {**settled, "skin_overlap": 20.0 - radius}
 
 
 def evaluated(folder: Path) -> tuple[dict[str, float], list[dict]]:
@@ -39,13 +46,14 @@ def evaluated(folder: Path) -> tuple[dict[str, float], list[dict]]:
     rig = Rig("a", (), {"a": ball(3.0)}, {pose: FittedPose(HOME, {}, frozenset()) for pose in RADII})
     rig.save(folder / "rig.h5")
     Skin(ball(10.0), {"cut_end": Rigid("a", np.array([0, 1]))}).save(folder / "skin.h5", [])
-    files: dict[str, list[Path]] = {"scans": [], "skins": [], "baselines": []}
+    files: dict[str, list[Path]] = {"scans": [], **{kind: [] for kind in KINDS}}
     for pose, radii in RADII.items():
         frame = Frame(pose, {}, {"a": RigidTransform.identity()})
         shapes = {
-            m: {"skin": Shape(ball(10).vertices, ball(r).vertices, BALL.faces)} for m, r in radii.items()
+            m: {"skin": Shape(ball(10).vertices, ball(r).vertices, BALL.faces, {}, settled(r))}
+            for m, r in radii.items()
         }
-        for kind, models in (("skins", ("m0", "m1", "m2")), ("baselines", ("m3", "linear"))):
+        for kind, models in KINDS.items():
             files[kind].append(folder / f"{pose}-{kind}.h5")
             write_frames(files[kind][-1], [(frame, {m: shapes[m] for m in models})])
         files["scans"].append(folder / f"{pose}.ply")
@@ -72,6 +80,8 @@ def test_errors_are_the_differences_of_the_radii(tmp_path: Path):
         (model, role) for model in RADII["fist"] for role in ("example", "heldout")
     }
     assert not any("true" in name for name in figures)
+    assert figures["m2_overlap_max"] == pytest.approx(10.5)  # of the worst pose
+    assert figures["m3_contact_unsettled"] == 3 and "linear_overlap_max" not in figures
 
 
 def test_pivots_lie_in_the_heads_of_the_parents_and_bones_keep_their_rotations():

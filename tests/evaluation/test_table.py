@@ -20,7 +20,7 @@ def with_statistics(mean: float, median: float, largest: float) -> np.ndarray:
     return np.concatenate([low, [median], high, [largest]])
 
 
-def test_ratios_and_totals_follow_the_papers_rule():
+def test_totals_follow_the_papers_rule():
     distances = {
         f"pose{p}": {m: with_statistics(s[0] + 2, s[1], s[2] + 9) for m, s in models.items()}
         for p, models in PAPER.items()
@@ -31,7 +31,6 @@ def test_ratios_and_totals_follow_the_papers_rule():
     assert metrics["skin_all_m0_mean"][0] == pytest.approx(2 + (0.23 + 0.14 + 0.11) / 3)
     assert metrics["skin_all_m0_median"][0] == pytest.approx(0.08)
     assert metrics["skin_all_m2_max"][0] == pytest.approx(16.09)
-    assert metrics["skin_pose2_ratio_median"] == (pytest.approx(100 * 0.13 / 1.22), "%")
 
 
 def test_skin_table_has_totals_by_role_and_leaves_out_what_is_missing():

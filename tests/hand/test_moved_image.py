@@ -114,7 +114,8 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Dataset]:
     write_volume(folder / "drawn.nii.gz", posed)
     frame, bones, fats = limb("drawn", 1.0)
     write_frames(folder / "inner.h5", [(frame, bones)])
-    write_frames(folder / "skin.h5", [(frame, fats)])
+    write_frames(folder / "skin.h5", [(frame, {"m0": fats["m0"]})])
+    write_frames(folder / "passive_skin.h5", [(frame, {"m2": fats["m2"]})])
     scene = [limb("rest", 0.0), limb("half", 0.5), limb("full", 1.0)]
     for chunk, frames in enumerate((scene[:2], scene[2:])):
         simulated = [(f, below | {"fat": fat["m0"]}) for f, below, fat in frames]
@@ -148,6 +149,7 @@ def row(subject: tuple[Path, Dataset]) -> dict[str, float]:
         folder / "rig.h5",
         folder / "inner.h5",
         folder / "skin.h5",
+        folder / "passive_skin.h5",
         folder / "flat.nii.gz",
         folder / "drawn.nii.gz",
     )

@@ -49,7 +49,10 @@ def compared_with_truth(subject):
 
 def creases_beside_models(subject):
     """What the benchmark of level L3 reads of a built subject."""
-    files = [paths.RIG, paths.SKIN, paths.CREASE_TISSUE, paths.POSE_SKIN, paths.TRUTH]
+    files = [
+        *(paths.RIG, paths.SKIN, paths.CREASE_TISSUE, paths.TRUTH),
+        *(paths.POSE_SKIN, paths.POSE_PASSIVE_SKIN),
+    ]
     return [
         dataset_file(subject),
         *expand(files, subject=subject, pose=scanned(subject)),

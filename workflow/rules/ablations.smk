@@ -160,6 +160,9 @@ rule evaluate_ablations:
         skins=lambda w: expand(
             paths.POSE_SKIN, pose=scanned(w.subject), allow_missing=True
         ),
+        passive=lambda w: expand(
+            paths.POSE_PASSIVE_SKIN, pose=scanned(w.subject), allow_missing=True
+        ),
         inner=lambda w: expand(
             paths.POSE_INNER, pose=scanned(w.subject), allow_missing=True
         ),

@@ -1,4 +1,28 @@
-# Simpler models of the skin beside the full one: one tissue with plastic strains (Ichim 2017), skinning, a pivot rig.
+# Simpler models of the skin beside the full one: without plastic strains, and one tissue (Zheng 2022 Table 4); one tissue
+# with plastic strains (Ichim 2017), skinning, a pivot rig.
+
+
+rule simulate_passive_skin:
+    input:
+        rig=paths.RIG,
+        inner=paths.POSE_INNER,
+        fat=paths.FAT,
+        strains=paths.FAT_STRAINS,
+        soft_tissue=paths.SOFT_TISSUE,
+    output:
+        paths.POSE_PASSIVE_SKIN,
+    log:
+        paths.log_of("simulate_passive_skin", "pose"),
+    benchmark:
+        paths.cost_of("simulate_passive_skin", "pose")
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: skin of {wildcards.pose} without plastic strains, and by one tissue"
+    script:
+        "../scripts/simulate_passive_skin.py"
 
 
 use rule fit_fat_strains as fit_soft_tissue_strains with:
@@ -64,6 +88,11 @@ rule evaluate_baselines:
             pose=scanned(w.subject),
             allow_missing=True,
         ),
+        passive=lambda w: expand(
+            paths.POSE_PASSIVE_SKIN,
+            pose=scanned(w.subject),
+            allow_missing=True,
+        ),
         baselines=lambda w: expand(
             paths.POSE_BASELINES,
             pose=scanned(w.subject),
@@ -87,6 +116,7 @@ rule evaluate_baselines:
             "mesh_soft_tissue",
             "fit_soft_tissue_strains",
             "collect_soft_tissue_strains",
+            "simulate_passive_skin",
             "simulate_baselines",
         ),
     message:

@@ -16,6 +16,7 @@ rule learn_deviations:
         fat=of_layer("fat", lambda w: paths.at(paths.FAT, **w)),
         strains=of_layer("fat", lambda w: paths.at(paths.FAT_STRAINS, **w)),
         skins=of_layer("fat", in_poses(paths.POSE_SKIN, Role.example)),
+        passive=of_layer("fat", in_poses(paths.POSE_PASSIVE_SKIN, Role.example)),
         scans=of_layer("fat", lambda w: scans(w.subject, dataset(w.subject).examples)),
     output:
         paths.DEVIATIONS,

@@ -200,7 +200,6 @@ rule simulate_skin:
         inner=paths.POSE_INNER,
         fat=paths.FAT,
         strains=paths.FAT_STRAINS,
-        soft_tissue=paths.SOFT_TISSUE,
     output:
         paths.POSE_SKIN,
     log:
@@ -212,7 +211,7 @@ rule simulate_skin:
         mem_mb=2500,
         runtime=10,
     message:
-        "{wildcards.subject}: skin of {wildcards.pose} by the full, the strain-free and the single-tissue model"
+        "{wildcards.subject}: skin of {wildcards.pose}"
     script:
         "../scripts/simulate_skin.py"
 

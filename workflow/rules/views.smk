@@ -30,6 +30,7 @@ rule move_image:
         rig=paths.RIG,
         inner=paths.POSE_INNER,
         skin=paths.POSE_SKIN,
+        passive=paths.POSE_PASSIVE_SKIN,
         neutral=neutral_volume,
         volume=of_pose("volume"),
     output:

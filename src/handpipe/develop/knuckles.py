@@ -88,11 +88,15 @@ def knuckle_figure(dataset: Dataset, joint: str) -> Figure:
 
 def _skins(subject: str, pose: str) -> tuple[Frame, dict[str, Shape]]:
     """The frame and the skins of both models in a pose, with and without strains."""
-    full = paths.at(paths.POSE_SKIN, subject=subject, pose=pose)
+    full, without = (
+        paths.at(pattern, subject=subject, pose=pose)
+        for pattern in (paths.POSE_SKIN, paths.POSE_PASSIVE_SKIN)
+    )
     own = paths.at(paths.ablated(paths.POSE_SKIN), subject=subject, pose=pose, variant=VARIANT)
     [(frame, models)] = read_frames(full)
+    [(_, passive)] = read_frames(without)
     [(_, variants)] = read_frames(own)
-    skins = {"m0": models["m0"], f"m0{PASSIVE}": models["m1"], **variants}
+    skins = {"m0": models["m0"], f"m0{PASSIVE}": passive["m1"], **variants}
     return frame, {name: shapes["skin"] for name, shapes in skins.items()}
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from handpipe.evaluation.sides import VIEWS, camera_views
     from handpipe.evaluation.slices import Contours, Plane, draw_slice
     from handpipe.evaluation.surfaces import curve_distance, dice, surface_distance
-    from handpipe.evaluation.table import SIMULATED_MODELS, SKIN_MODELS, Row, skin_metrics, skin_rows
+    from handpipe.evaluation.table import SKIN_MODELS, Row, skin_metrics, skin_rows
 else:
     __getattr__ = face(__name__)
 
@@ -36,7 +36,6 @@ __all__ = [
     "PoseView",
     "ReportInput",
     "Row",
-    "SIMULATED_MODELS",
     "SKIN_MODELS",
     "bone_warnings",
     "build_metrics",

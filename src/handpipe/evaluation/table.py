@@ -16,12 +16,10 @@ from handpipe.core import Array, Metrics
 Cell = str | float | None
 Row = Mapping[str, str | float]
 
-SIMULATED_MODELS = {  # of the skin: those of Zheng 2022 Table 4
+SKIN_MODELS = {  # the first three are those of Zheng 2022 Table 4
     "m0": "m0: full model",
     "m1": "m1: without plastic strains in the fat",
     "m2": "m2: one soft tissue",
-}
-SKIN_MODELS = SIMULATED_MODELS | {  # all that are compared
     "m3": "m3: one soft tissue with plastic strains (Ichim 2017)",
     "dual_quaternion": "skinning by dual quaternions",
     "linear": "linear skinning",
@@ -132,22 +130,21 @@ def skin_rows(distances: Mapping[str, Mapping[str, Array]], roles: Mapping[str, 
     Parameters
     ----------
     distances : mapping of str to mapping of str to array (n,)
-        Distances in mm by pose and model ("m0", "m1", "m2").
+        Distances in mm by pose and model of `SKIN_MODELS`.
     roles : mapping of str to str
         Role of each pose.
 
     Returns
     -------
     list of Row
-        Rows with `pose`, `role`, `{model}_{statistic}` in mm and `ratio_{statistic}`, m0 / m2 in %.
+        Rows with `pose`, `role` and `{model}_{statistic}` in mm.
 
     References
     ----------
     Zheng 2022, Table 4.
     """
     rows: list[Row] = [
-        {"pose": pose, "role": roles[pose], **_with_ratios(_statistics(by_model))}
-        for pose, by_model in distances.items()
+        {"pose": pose, "role": roles[pose], **_statistics(by_model)} for pose, by_model in distances.items()
     ]
     found = list(dict.fromkeys(str(row["role"]) for row in rows))
     totals = [_total(role, [row for row in rows if row["role"] == role]) for role in found if len(found) > 1]
@@ -164,21 +161,12 @@ def _statistics(by_model: Mapping[str, Array]) -> dict[str, float]:
 
 def _total(name: str, rows: Sequence[Row]) -> Row:
     totals: dict[str, float] = {}
-    for model in SIMULATED_MODELS:
+    for model in SKIN_MODELS:
         for kind, statistic in STATISTICS.items():
             values = [float(row[f"{model}_{kind}"]) for row in rows if f"{model}_{kind}" in row]
             if values:
                 totals[f"{model}_{kind}"] = statistic(np.array(values))
-    return {"pose": name, "role": "", **_with_ratios(totals)}
-
-
-def _with_ratios(values: dict[str, float]) -> dict[str, float]:
-    ratios = {
-        f"ratio_{kind}": 100 * values[f"m0_{kind}"] / values[f"m2_{kind}"]
-        for kind in STATISTICS
-        if f"m0_{kind}" in values and values.get(f"m2_{kind}", 0) > 0
-    }
-    return values | ratios
+    return {"pose": name, "role": "", **totals}
 
 
 def skin_metrics(rows: Sequence[Row]) -> Metrics:
@@ -192,10 +180,10 @@ def skin_metrics(rows: Sequence[Row]) -> Metrics:
     Returns
     -------
     Metrics
-        `skin_{pose}_{model}_{statistic}` in mm and `skin_{pose}_ratio_{statistic}` in %.
+        `skin_{pose}_{model}_{statistic}` in mm.
     """
     return {
-        f"skin_{row['pose']}_{key}": (float(value), "%" if key.startswith("ratio") else "mm")
+        f"skin_{row['pose']}_{key}": (float(value), "mm")
         for row in rows
         for key, value in row.items()
         if key not in ("pose", "role")
@@ -204,15 +192,15 @@ def skin_metrics(rows: Sequence[Row]) -> Metrics:
 
 def skin_table(rows: Sequence[Row]) -> Table | None:
     """`skin_rows` as a table; None without rows."""
-    columns = [c for c in (*SIMULATED_MODELS, "ratio") if any(f"{c}_mean" in row for row in rows)]
+    columns = [c for c in SKIN_MODELS if any(f"{c}_mean" in row for row in rows)]
     if not columns:
         return None
     keys = [(kind, column) for kind in STATISTICS for column in columns]
-    heads = [f"{kind} {'m0/m2 [%]' if column == 'ratio' else column + ' [mm]'}" for kind, column in keys]
+    heads = [f"{kind} {column} [mm]" for kind, column in keys]
     cells: list[list[Cell]] = [
         [_pose(row), *(row.get(f"{column}_{kind}") for kind, column in keys)] for row in rows
     ]
-    models = "; ".join(SIMULATED_MODELS[column] for column in columns if column in SIMULATED_MODELS)
+    models = "; ".join(SKIN_MODELS[column] for column in columns)
     note = f"Distance of each vertex of the scanned skin to the simulated skin. {models}."
     return Table("Simulated against scanned skin (Zheng 2022, Table 4).", ["pose", *heads], cells, note)
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         simulate_ablated_inner,
         simulate_ablated_skin,
         simulate_baselines,
+        simulate_passive_skin,
         variants,
     )
 else:
@@ -26,5 +27,6 @@ __all__ = [
     "simulate_ablated_inner",
     "simulate_ablated_skin",
     "simulate_baselines",
+    "simulate_passive_skin",
     "variants",
 ]

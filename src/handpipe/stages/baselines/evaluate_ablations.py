@@ -36,6 +36,7 @@ class Inputs(Files):
     skin: Path
     scans: Sequence[Path]
     skins: Sequence[Path]
+    passive: Sequence[Path]
     inner: Sequence[Path]
     ablated_skins: Sequence[Path]
     ablated_inner: Sequence[Path]
@@ -60,9 +61,10 @@ def evaluate_ablations(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs
     """
     rig, skin = Rig.load(inputs.rig), Skin.load(inputs.skin)
     models: dict[str, dict[str, Shapes]] = {}
-    for path in inputs.skins:
+    for path in (*inputs.skins, *inputs.passive):
         [(frame, shapes)] = read_frames(path)
-        models[frame.name] = {name: shapes[model] for model, name in FULL.items()}
+        own = {FULL[model]: skin for model, skin in shapes.items() if model in FULL}
+        models.setdefault(frame.name, {}).update(own)
     for path in inputs.ablated_skins:
         [(frame, shapes)] = read_frames(path)
         models[frame.name].update(shapes)

@@ -11,7 +11,7 @@ from handpipe.core import Metrics, artifacts, metrics
 from handpipe.core.configuration import Dataset
 from handpipe.hand import read_frames
 from handpipe.skeleton.rig import Rig
-from handpipe.stages.costs import stage_cost
+from handpipe.stages.costs import contact_figures, stage_cost
 from handpipe.stages.files import Files
 from handpipe.stages.skin_distances import role_figures, skin_distances
 from handpipe.tissues.fat import Skin
@@ -28,6 +28,7 @@ class Inputs(Files):
     skin: Path
     scans: Sequence[Path]
     skins: Sequence[Path]
+    passive: Sequence[Path]
     baselines: Sequence[Path]
     truth: Sequence[Path]
 
@@ -45,10 +46,11 @@ def evaluate_baselines(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs
 
     Figures are `{model}_{role}_error_{statistic}` to scans and `{model}_true_{role}_error_{statistic}` to the
     true skin, in mm: the mean over the role's poses of the means, and the largest. `m0_over_best_heldout` is
-    the full model's mean over that of the best other simulated model, in %.
+    the full model's mean over that of the best other simulated model, in %. `{model}_contact_…` and
+    `{model}_overlap_max` are of the skins of the models that are simulated, over all scanned poses.
     """
     models = {f.name: dict(shapes) for path in inputs.skins for f, shapes in read_frames(path)}
-    for path in inputs.baselines:
+    for path in (*inputs.passive, *inputs.baselines):
         for frame, shapes in read_frames(path):
             models[frame.name].update(shapes)
     truth = inputs.truth if dataset.truth is not None else ()
@@ -56,6 +58,10 @@ def evaluate_baselines(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs
     role_of = {pose: dataset.poses[pose].role.value for pose in models}
     by_role, rows = role_figures(found, role_of)
     figures = stage_cost(costs) | by_role
+    for model in SIMULATED if models else ():
+        skins = [shapes[model]["skin"].figures for shapes in models.values()]
+        figures |= contact_figures(skins, f"{model}_")
+        figures[f"{model}_overlap_max"] = (max(f["skin_overlap"] for f in skins), "mm")
     for kind in ("", "true_"):
         figures |= _over_best(kind, by_role)
     metrics.write(outputs.metrics, figures)

@@ -47,7 +47,7 @@ class Inputs(Files):
         Of all poses of the dataset, in its order.
     posed_tendons : sequence of path
         Of the tendons in their order, each in all example poses.
-    separated, inner, skins, scans : sequence of path
+    separated, inner, skins, passive, scans : sequence of path
         Of the example poses.
     """
 
@@ -64,6 +64,7 @@ class Inputs(Files):
     fat: Path | None
     strains: Path | None
     skins: Sequence[Path]
+    passive: Sequence[Path]
     scans: Sequence[Path]
 
 
@@ -120,8 +121,11 @@ def _muscles(
 
 def _skin(tissue: Tissue, strains: FatStrains, inputs: Inputs, dataset: Dataset, rig: Rig) -> BodyDeviation:
     examples, fits = [], {}
-    for pose, path, scan in zip(dataset.examples, inputs.skins, inputs.scans, strict=True):
-        [(frame, models)] = read_frames(path)
+    files = zip(dataset.examples, inputs.skins, inputs.passive, inputs.scans, strict=True)
+    for pose, path, without_strains, scan in files:
+        [(frame, full)] = read_frames(path)
+        [(_, passive)] = read_frames(without_strains)
+        models = {**full, **passive}
         strained, unstrained = (models[model]["fat_mesh"].vertices for model in ("m0", "m1"))
         examples.append(ExampleTissue(frame.bones, strained, unstrained))
         seen, home = read_scan(scan), rig.poses[pose].root.inverse()

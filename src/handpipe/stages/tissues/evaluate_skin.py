@@ -1,11 +1,10 @@
-"""Distances of scans from simulated skins (Zheng 2022 Table 4), and of these from the true skin."""
+"""Distances of scans from the simulated skin (Zheng 2022 Table 4), and of this from the true skin."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import xarray as xr
 
 from handpipe.core import artifacts, metrics
 from handpipe.core.configuration import Dataset
-from handpipe.evaluation import SIMULATED_MODELS, skin_metrics, skin_rows
+from handpipe.evaluation import skin_metrics, skin_rows
 from handpipe.hand import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import contact_figures, stage_cost
@@ -21,7 +20,7 @@ from handpipe.stages.files import Files
 from handpipe.stages.skin_distances import skin_distances
 from handpipe.tissues.fat import Skin
 
-PREFIXES = {model: "" if model == "m0" else f"{model}_" for model in SIMULATED_MODELS}
+STATISTICS = ("mean", "median", "max")
 
 
 @dataclass(frozen=True)
@@ -46,12 +45,15 @@ class Outputs(Files):
 
 
 def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Sequence[Path]) -> None:
-    """Distances of scans from simulated skins (Zheng 2022 Table 4), and of these from the true skin."""
+    """Distances of scans from the simulated skin (Zheng 2022 Table 4), and of this from the true skin.
+
+    Simpler models are compared by `evaluate_baselines`.
+    """
     models = {frame.name: shapes for path in inputs.skins for frame, shapes in read_frames(path)}
     truth = inputs.truth if dataset.truth is not None else ()
     distances = skin_distances(Rig.load(inputs.rig), Skin.load(inputs.skin), models, inputs.scans, truth)
     errors, true_errors = distances.to_scan, distances.to_truth
-    contacts = {m: [shapes[m]["skin"].figures for shapes in models.values()] for m in PREFIXES if models}
+    contacts = [shapes["m0"]["skin"].figures for shapes in models.values()]
     role_of = {pose: dataset.poses[pose].role.value for pose in errors}
     rows = skin_rows(errors, role_of)
     figures = stage_cost(costs)
@@ -59,25 +61,19 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
     roles = set(role_of.values())
     for kind, found in (("", rows), ("true_", skin_rows(true_errors, role_of))):
         totals = {row["pose"]: row for row in found}
-        for role, (model, prefix) in product(roles if found else (), PREFIXES.items()):
+        for role in roles if found else ():
             total = totals[role if len(roles) > 1 else "all"]
-            for statistic in ("mean", "median", "max"):
-                figures[f"{prefix}{kind}{role}_error_{statistic}"] = (
-                    float(total[f"{model}_{statistic}"]),
-                    "mm",
-                )
-    for model, prefix in PREFIXES.items() if contacts else ():
-        figures |= contact_figures(contacts[model], prefix)
-        figures[f"{prefix}overlap_max"] = (max(f["skin_overlap"] for f in contacts[model]), "mm")
+            for statistic in STATISTICS:
+                figures[f"{kind}{role}_error_{statistic}"] = (float(total[f"m0_{statistic}"]), "mm")
+    if contacts:
+        figures |= contact_figures(contacts)
+        figures["overlap_max"] = (max(f["skin_overlap"] for f in contacts), "mm")
     metrics.write(outputs.metrics, figures | _of_volumes(inputs.from_volume))
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
-    values = [
-        [[statistic(e) for statistic in (np.mean, np.median, np.max)] for e in m.values()]
-        for m in errors.values()
-    ]
+    values = [[float(row[f"m0_{statistic}"]) for statistic in STATISTICS] for row in rows[: len(errors)]]
     table = xr.DataArray(
-        np.array(values).reshape(-1, 3, 3),
-        coords={"pose": list(errors), "model": [*SIMULATED_MODELS], "statistic": ["mean", "median", "max"]},
+        np.array(values).reshape(-1, 1, len(STATISTICS)),
+        coords={"pose": list(errors), "model": ["m0"], "statistic": [*STATISTICS]},
         dims=("pose", "model", "statistic"),
         name="distance",
         attrs={"units": "mm", "long_name": "distance from the scan's vertices to the simulated skin"},

@@ -1,4 +1,4 @@
-"""The skin of a scanned pose by three models (Zheng 2022 Table 4): full, no fat strains, one tissue."""
+"""The skin of a scanned pose."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from handpipe.hand import read_frames, write_frames
 from handpipe.stages.files import Files
-from handpipe.tissues.fat import load_fat, load_skin
+from handpipe.tissues.fat import load_fat
 
 
 @dataclass(frozen=True)
@@ -18,16 +18,13 @@ class Inputs(Files):
     inner: Path
     fat: Path
     strains: Path
-    soft_tissue: Path
 
 
 def simulate_skin(inputs: Inputs, output: Path) -> None:
-    """The skin of a scanned pose by three models (Zheng 2022 Table 4): full, no fat strains, one tissue.
+    """The skin of a scanned pose by the full model (m0 of Zheng 2022 Table 4).
 
-    A model whose skin cannot be kept out of itself is compared nevertheless; its figures tell.
+    A skin that cannot be kept out of itself is compared with the scan nevertheless; its figures tell.
     """
     [(frame, below)] = read_frames(inputs.inner)
     fat = load_fat([inputs.fat, inputs.strains], {}).lenient()
-    models = {"m0": fat, "m1": fat.without_strains(), "m2": load_skin([inputs.soft_tissue], {}).lenient()}
-    skins = {name: layer.solve(frame, below) for name, layer in models.items()}
-    write_frames(output, [(frame, skins)], inputs.all())
+    write_frames(output, [(frame, {"m0": fat.solve(frame, below)})], inputs.all())

@@ -28,6 +28,7 @@ class Inputs(Files):
     rig: Path
     inner: Path
     skin: Path
+    passive: Path
     neutral: Path
     volume: Path
 
@@ -69,9 +70,10 @@ def move_image(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) ->
     images = Pair(pose_volume(dataset, dataset.neutral), pose_volume(dataset, pose))
     [(frame, inner)] = read_frames(inputs.inner)
     [(_, skins)] = read_frames(inputs.skin)
+    [(_, passive)] = read_frames(inputs.passive)
     root = rig.poses[pose].root
     layers = {**inner, "fat": skins["m0"]}
-    models = {"layers": layers, "one_tissue": {"bones": inner["bones"], "skin": skins["m2"]}}
+    models = {"layers": layers, "one_tissue": {"bones": inner["bones"], "skin": passive["m2"]}}
     found = {name: places_in_neutral(images.posed, frame, shapes, root) for name, shapes in models.items()}
     found["rigid"] = replace(found["layers"], rest=_moved_back(found["layers"], root))
     row: dict[str, str | float] = {"pose": pose, "role": dataset.poses[pose].role.value}
