@@ -15,6 +15,7 @@ from handpipe.stages.tissues.tissue import Inside, make_tissue
 from handpipe.tissues.fat import Skin, inner_surface
 
 SPACING, GAP = 0.8, 1.0  # mm of the grid, and that are closed between organs
+SKIN_THICKNESS = 1.5  # mm
 
 
 @dataclass(frozen=True)
@@ -38,5 +39,6 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float, on: Sequence[str] = unde
     ]
     inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
     inside = Inside(below, tuple(on), inner, inputs.inner)
-    tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, young=1.0)
+    skin = Skin.load(inputs.skin)
+    tissue = make_tissue(rig.surfaces, inside, skin, edge, young=1.0, skin_thickness=SKIN_THICKNESS)
     tissue.save(output, [inputs.inner, inputs.skin])

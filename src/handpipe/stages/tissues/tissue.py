@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from handpipe.core import InputError, Shapes
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import smoothed_weights
-from handpipe.tissues.fat import Skin, Tissue, TissueSettings, inner_points, tissue_mesh, without_pockets
+from handpipe.tissues.fat import (
+    Skin,
+    Tissue,
+    TissueSettings,
+    inner_points,
+    skin_share,
+    tissue_mesh,
+    without_pockets,
+)
 
 log = logging.getLogger(__name__)
 
@@ -32,9 +40,17 @@ class Inside:
 
 
 def make_tissue(
-    bones: Mapping[str, Surface], inside: Inside, skin: Skin, edge: float, young: float
+    bones: Mapping[str, Surface],
+    inside: Inside,
+    skin: Skin,
+    edge: float,
+    young: float,
+    skin_thickness: float | None = None,
 ) -> Tissue:
-    """A tissue between the inner surface and the neutral skin; edge of the tets in mm, young in kPa."""
+    """A tissue between the inner surface and the neutral skin; edge of the tets in mm, young in kPa.
+
+    skin_thickness: in mm, of the skin as a layer of its own; by default all is one tissue.
+    """
     bodies = {layer: inside.below.get(layer, {}) for layer in inside.layers}
     require_inside(bodies, skin, inside.source)
     mesh, occupancy = tissue_mesh(skin.surface, inside.surface, edge)
@@ -43,7 +59,11 @@ def make_tissue(
     log.info("%d vertices, %d tets, %d inner points", len(mesh.vertices), len(mesh.tets), len(points.rest))
     weights = smoothed_weights(mesh, bones)
     settings = TissueSettings(young=young)
-    return Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(bones), weights, settings)
+    made = Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(bones), weights, settings)
+    if skin_thickness is None:
+        return made
+    share = skin_share(mesh, skin.surface, inside.surface, skin_thickness)
+    return replace(made, skin_share=share)
 
 
 def require_inside(bodies: Mapping[str, Shapes], skin: Skin, source: Path) -> None:

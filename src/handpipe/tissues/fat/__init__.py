@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from handpipe.tissues.fat.constraints import cut_end, inner_points
     from handpipe.tissues.fat.creases.bending import CreaseLayer, load_skin
     from handpipe.tissues.fat.layer import FatStrains, TissueLayer, load_fat
-    from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh, without_pockets
+    from handpipe.tissues.fat.mesh import inner_surface, skin_share, tissue_mesh, without_pockets
     from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices, on_skin
     from handpipe.tissues.fat.other_equilibria import Restart, restarts
     from handpipe.tissues.fat.skin import Rigid, Skin, closed_skin
@@ -39,6 +39,7 @@ __all__ = [
     "nail_vertices",
     "on_skin",
     "restarts",
+    "skin_share",
     "tissue_mesh",
     "without_pockets",
 ]

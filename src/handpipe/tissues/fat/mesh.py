@@ -174,6 +174,16 @@ def occupancy(mesh: TetMesh, skin: Surface, inner: Surface) -> Array:
     return share
 
 
+def skin_share(mesh: TetMesh, skin: Surface, inner: Surface, thickness: float) -> Array:
+    """Share (m,) of each tet's tissue that is skin: up to a thickness in mm below the surface."""
+    weights = np.random.default_rng(0).dirichlet(np.ones(4), size=SAMPLES)
+    points = np.einsum("sc,mci->msi", weights, mesh.vertices[mesh.tets]).reshape(-1, 3)
+    depth = -Distance(skin).signed(points)[0]
+    tissue = ((depth > 0) & (Distance(inner).signed(points)[0] > 0)).reshape(-1, SAMPLES)
+    own = tissue & (depth < thickness).reshape(-1, SAMPLES)
+    return own.sum(axis=1) / np.maximum(tissue.sum(axis=1), 1)
+
+
 def _far_from(mesh: TetMesh, skin: Surface, inner: Surface) -> BoolArray:
     """Tets (m,) whose circumscribed reach from their centre meets neither surface, and that are tissue."""
     centres = mesh.vertices[mesh.tets].mean(axis=1)

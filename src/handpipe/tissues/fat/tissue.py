@@ -59,12 +59,14 @@ SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 
 @dataclass(frozen=True)
 class TissueSettings:
-    """Material of the fat, and stiffness of its constraints.
+    """Material of the fat and of the skin around it, and stiffness of the fat's constraints.
 
     Parameters
     ----------
     young : float
         Young's modulus in kPa.
+    skin_young : float
+        Young's modulus of the skin in kPa; it counts where a tissue has a `skin_share`.
     poisson : float
         Poisson's ratio.
     stiffness : float
@@ -78,6 +80,7 @@ class TissueSettings:
     young: float = 1.0
     poisson: float = 0.48
     stiffness: float = 50.0
+    skin_young: float = 20.0
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,8 @@ class Tissue:
         Whether contact keeps the skin out of itself.
     creases : Creases, optional
         Materials of single tets and the way into poses; by default the material is that of the settings.
+    skin_share : array (m,), optional
+        Share of each tet's tissue that is skin; by default none is.
     """
 
     mesh: TetMesh
@@ -118,6 +123,7 @@ class Tissue:
     settings: TissueSettings = field(default_factory=TissueSettings)
     skin_contact: bool = True
     creases: Creases | None = None
+    skin_share: Array | None = None
 
     def without_sliding(self) -> Tissue:
         """The same tissue, fixed where it slides on the bodies below."""
@@ -125,8 +131,15 @@ class Tissue:
 
     @cached_property
     def elastic(self) -> Elastic:
-        """Elastic energy without plastic strain, stiffness weighed by occupancy."""
-        uniform = Material(self.settings.young, self.settings.poisson)
+        """Elastic energy without plastic strain, stiffness weighed by occupancy.
+
+        A tet that is partly skin is as stiff as skin and fat side by side: what counts is how both are
+        stretched along the surface.
+        """
+        young: float | Array = self.settings.young
+        if self.skin_share is not None:
+            young = young + self.skin_share * (self.settings.skin_young - young)
+        uniform = Material(young, self.settings.poisson)
         material = uniform if self.creases is None else self.creases.material
         return Elastic(self.mesh.vertices, self.mesh.tets, material, weights=self.occupancy)
 
@@ -545,8 +558,10 @@ class Tissue:
             "settings": asdict(self.settings),
         }
         lengths = dict.fromkeys(("mesh/vertices", "skin/vertices", "inner/rest"), "mm")
-        moduli = {"settings/young": "kPa", "settings/stiffness": "kPa/mm"}
+        moduli = {"settings/young": "kPa", "settings/skin_young": "kPa", "settings/stiffness": "kPa/mm"}
         units = lengths | moduli | {"inner/area": "mm^2", "occupancy": "1", "weights": "1"}
+        if self.skin_share is not None:
+            data["skin_share"], units["skin_share"] = self.skin_share, "1"
         if self.creases is not None:
             data["creases"] = self.creases.to_group()
             units |= {"creases/young": "kPa", "creases/poisson": "1"}
@@ -573,4 +588,5 @@ class Tissue:
             weights=d["weights"],
             settings=TissueSettings(**{k: float(v) for k, v in d["settings"].items()}),
             creases=None if given is None else Creases.from_group(given, path, count),
+            skin_share=d.get("skin_share"),
         )
