@@ -19,6 +19,7 @@ from handpipe.tissues.fat.mesh import (
     LEAST_OCCUPANCY,
     inner_surface,
     occupancy,
+    skin_share,
     tissue_mesh,
     without_pockets,
 )
@@ -44,6 +45,18 @@ def test_a_shell_is_meshed_with_its_own_volume():
     probe = np.random.default_rng(0).normal(size=(200, 3))
     probe *= np.linspace(INNER + 0.2, OUTER - 0.2, 200)[:, None] / np.linalg.norm(probe, axis=1)[:, None]
     assert Distance(Surface(mesh.vertices, mesh.boundary_faces()[0])).signed(probe)[0].max() < 0.1
+
+
+def test_the_skin_of_a_shell_has_its_own_volume():
+    """Of tets with edges of 3 mm, for a skin thinner and thicker than they are; none lies at the core."""
+    skin, core = remesh(sphere(OUTER), 2.0), remesh(sphere(INNER), 1.5)
+    mesh, _ = tissue_mesh(skin, core, 3.0)
+    tissue = occupancy(mesh, skin, core) * mesh.volumes()
+    for thickness in (1.0, 3.5):
+        share = skin_share(mesh, skin, core, thickness)
+        assert share.min() == 0 and 0.8 < share.max() <= 1
+        assert share @ tissue == pytest.approx(_volume(OUTER) - _volume(OUTER - thickness), rel=0.05)
+        assert (share[np.linalg.norm(mesh.vertices[mesh.tets], axis=2).max(axis=1) < 6.0] == 0).all()
 
 
 def test_fingers_that_lie_close_are_meshed_apart():

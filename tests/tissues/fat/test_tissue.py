@@ -43,6 +43,26 @@ def test_a_disturbed_start_comes_back_to_rest():
     np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-3)
 
 
+def test_skin_and_fat_are_stretched_side_by_side(tmp_path):
+    """The energy of one stretch is the mean of skin's and fat's, by their volumes; a file keeps it."""
+    plain, moduli = limb(), {"fat": 1.0, "skin": 20.0}
+    share = np.random.default_rng(0).uniform(size=len(plain.mesh.tets))
+    tissue = replace(plain, skin_share=share)
+    x = plain.mesh.vertices * [1.2, 0.95, 1.0]
+    alone = {
+        name: replace(plain, settings=replace(plain.settings, young=young)).elastic.value(x)
+        for name, young in moduli.items()
+    }
+    volumes = plain.mesh.volumes() * plain.occupancy
+    mean = volumes @ share / volumes.sum()
+    expected = mean * alone["skin"] + (1 - mean) * alone["fat"]
+    assert tissue.elastic.value(x) == pytest.approx(expected)
+    tissue.save(tmp_path / "fat.h5", [])
+    assert Tissue.load(tmp_path / "fat.h5").elastic.value(x) == pytest.approx(expected)
+    plain.save(tmp_path / "plain.h5", [])
+    assert Tissue.load(tmp_path / "plain.h5").skin_share is None
+
+
 def test_fixed_points_follow_the_bone():
     tissue = limb(Region.fixed)
     shift = np.array([0.0, 1.0, 0.0])
