@@ -176,8 +176,9 @@ def occupancy(mesh: TetMesh, skin: Surface, inner: Surface) -> Array:
 
 def skin_share(mesh: TetMesh, skin: Surface, inner: Surface, thickness: float) -> Array:
     """Share (m,) of each tet's tissue that is skin: up to a thickness in mm below the surface."""
-    weights = np.random.default_rng(0).dirichlet(np.ones(4), size=SAMPLES)
-    points = np.einsum("sc,mci->msi", weights, mesh.vertices[mesh.tets]).reshape(-1, 3)
+    # Points of their own in every tet: a thin layer may lie between those that all tets have in common.
+    weights = np.random.default_rng(0).dirichlet(np.ones(4), size=(len(mesh.tets), SAMPLES))
+    points = np.einsum("msc,mci->msi", weights, mesh.vertices[mesh.tets]).reshape(-1, 3)
     depth = -Distance(skin).signed(points)[0]
     tissue = ((depth > 0) & (Distance(inner).signed(points)[0] > 0)).reshape(-1, SAMPLES)
     own = tissue & (depth < thickness).reshape(-1, SAMPLES)
