@@ -74,7 +74,9 @@ def _softer(layer: str, factor: float) -> Callable[[Subject], Outcome]:
 
     def run(subject: Subject) -> Outcome:
         if layer == "fat":
-            changed: TissueLayer | MuscleLayer = _fat(subject, young=factor * _settings(subject)["young"])
+            usual_settings = _settings(subject)
+            scaled = {name: factor * usual_settings[name] for name in ("young", "skin_young")}
+            changed: TissueLayer | MuscleLayer = _fat(subject, **scaled)
         else:
             changed = _muscles(subject, young=factor)
         found = Solved.of(subject.plain, subject.whole(**{layer: changed}))
@@ -92,7 +94,7 @@ def _softer(layer: str, factor: float) -> Callable[[Subject], Outcome]:
 def _scaled_fat(factor: float) -> Callable[[Subject], Outcome]:
     def run(subject: Subject) -> Outcome:
         usual = _settings(subject)
-        scaled = {name: factor * usual[name] for name in ("young", "stiffness")}
+        scaled = {name: factor * usual[name] for name in ("young", "skin_young", "stiffness")}
         found = Solved.of(subject.plain, subject.whole(fat=_fat(subject, **scaled)))
         apart = float(change(found.shapes, subject.plain_shapes).max())
         return Outcome([found], [Check("skin from the usual one", apart, SAME)])

@@ -11,7 +11,7 @@ from handpipe.core import Array, IntArray, RigidTransform, write_text
 from handpipe.fem.potentials import Elastic
 from handpipe.mesh.tets import TetMesh
 
-STEPS = 20  # a whole body has this many materials at most: shares of tissue are rounded to 1/20
+STEPS = 20  # shares of tissue, and moduli of more than as many values, are rounded to as many steps
 A_LINE = 8  # numbers of elements on a line of a set
 NUMBER = ".12e"  # at most 20 characters, the longest field that CalculiX reads
 
@@ -63,7 +63,7 @@ def write_deck(path: str | Path, elastic: Elastic, x: Array, title: str) -> None
 
 def _materials(elastic: Elastic) -> Iterator[str]:
     """Sets of elements by share of tissue, each with its material."""
-    mu, lam = elastic.material.lame(len(elastic.tets))
+    mu, lam = (_in_steps(moduli) for moduli in elastic.material.lame(len(elastic.tets)))
     shares = np.maximum(np.round(STEPS * elastic.weights), 1) / STEPS
     shares = elastic.weights if len(np.unique(elastic.weights)) == 1 else shares
     constants = np.column_stack([shares * mu / 2, 2 / (shares * (lam + 2 * mu / 3))])
@@ -79,6 +79,14 @@ def _materials(elastic: Elastic) -> Iterator[str]:
         yield "*HYPERELASTIC, NEO HOOKE"
         yield _numbers((c10, d1))
         yield f"*SOLID SECTION, ELSET=PART{number}, MATERIAL=TISSUE{number}"
+
+
+def _in_steps(values: Array) -> Array:
+    """Values (m,), those of more than `STEPS` kinds rounded to steps between the least and the largest."""
+    if len(np.unique(values)) <= STEPS:
+        return values
+    low, high = values.min(), values.max()
+    return low + (high - low) * np.round(STEPS * (values - low) / (high - low)) / STEPS
 
 
 def _displacements(vertices: IntArray, moves: Array) -> Iterator[str]:
