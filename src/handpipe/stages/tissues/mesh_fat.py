@@ -12,10 +12,9 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.tissues.tissue import Inside, make_tissue
-from handpipe.tissues.fat import Skin, inner_surface
+from handpipe.tissues.fat import Skin, TissueSettings, inner_surface
 
 SPACING, GAP = 0.8, 1.0  # mm of the grid, and that are closed between organs
-SKIN_THICKNESS = 1.5  # mm
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,5 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float, on: Sequence[str] = unde
     ]
     inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
     inside = Inside(below, tuple(on), inner, inputs.inner)
-    skin = Skin.load(inputs.skin)
-    tissue = make_tissue(rig.surfaces, inside, skin, edge, young=1.0, skin_thickness=SKIN_THICKNESS)
+    tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, TissueSettings())
     tissue.save(output, [inputs.inner, inputs.skin])

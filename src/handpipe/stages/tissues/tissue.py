@@ -22,6 +22,7 @@ from handpipe.tissues.fat import (
 
 log = logging.getLogger(__name__)
 
+SKIN_THICKNESS = 1.5  # mm
 NOTABLE, WRONG = 0.5, 3.0  # mm that a body lies outside of the skin: named, and refused
 
 
@@ -44,13 +45,9 @@ def make_tissue(
     inside: Inside,
     skin: Skin,
     edge: float,
-    young: float,
-    skin_thickness: float | None = None,
+    settings: TissueSettings,
 ) -> Tissue:
-    """A tissue between the inner surface and the neutral skin; edge of the tets in mm, young in kPa.
-
-    skin_thickness: in mm, of the skin as a layer of its own; by default all is one tissue.
-    """
+    """A tissue between the inner surface and the neutral skin; edge of the tets in mm."""
     bodies = {layer: inside.below.get(layer, {}) for layer in inside.layers}
     require_inside(bodies, skin, inside.source)
     mesh, occupancy = tissue_mesh(skin.surface, inside.surface, edge)
@@ -58,12 +55,8 @@ def make_tissue(
     mesh, occupancy, points = without_pockets(mesh, occupancy, skin.surface, points)
     log.info("%d vertices, %d tets, %d inner points", len(mesh.vertices), len(mesh.tets), len(points.rest))
     weights = smoothed_weights(mesh, bones)
-    settings = TissueSettings(young=young)
     made = Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(bones), weights, settings)
-    if skin_thickness is None:
-        return made
-    share = skin_share(mesh, skin.surface, inside.surface, skin_thickness)
-    return replace(made, skin_share=share)
+    return replace(made, skin_share=skin_share(mesh, skin.surface, inside.surface, SKIN_THICKNESS))
 
 
 def require_inside(bodies: Mapping[str, Shapes], skin: Skin, source: Path) -> None:

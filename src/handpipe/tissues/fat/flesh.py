@@ -11,14 +11,15 @@ import numpy as np
 from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, vertices_of
 from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
-from handpipe.tissues.fat.tissue import Tissue
+from handpipe.tissues.fat.tissue import Tissue, TissueSettings
 
+SKIN_STIFFER = TissueSettings().skin_young / TissueSettings().young  # times as stiff as what lies under it
 # mm: the places of organs within are needed to a tenth of a millimetre, and the skin is not needed.
 BRIEFLY = Limits(renewals=3, settled=0.05, gross=np.inf)
 
 
 class FleshLayer:
-    """How soft tissue moves with the bones, in seconds: uniform, and its skin passes through itself.
+    """How soft tissue moves with the bones, in seconds: one tissue in its skin, which passes through itself.
 
     It is an aid of other layers, not an organ: nothing shows it.
     """
@@ -27,7 +28,8 @@ class FleshLayer:
     needs = LAYERS[name].needs
 
     def __init__(self, tissue: Tissue) -> None:
-        self.tissue = replace(tissue, skin_contact=False)
+        settings = replace(tissue.settings, skin_young=SKIN_STIFFER * tissue.settings.young)
+        self.tissue = replace(tissue, settings=settings, skin_contact=False)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The tissue's tets at equilibrium, from the blend of the bones.
