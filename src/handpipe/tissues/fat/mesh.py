@@ -175,7 +175,24 @@ def occupancy(mesh: TetMesh, skin: Surface, inner: Surface) -> Array:
 
 
 def skin_share(mesh: TetMesh, skin: Surface, inner: Surface, thickness: float) -> Array:
-    """Share (m,) of each tet's tissue that is skin: up to a thickness in mm below the surface."""
+    """How much of each tet's tissue is skin.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Vertices in mm, m tets.
+    skin : Surface
+        Closed outer surface in mm.
+    inner : Surface
+        Closed surface in mm of the inner bodies, which are no tissue.
+    thickness : float
+        Depth in mm below the outer surface to which tissue is skin.
+
+    Returns
+    -------
+    array (m,)
+        Share from 0 to 1; 0 where a tet has no tissue.
+    """
     # Points of their own in every tet: a thin layer may lie between those that all tets have in common.
     weights = np.random.default_rng(0).dirichlet(np.ones(4), size=(len(mesh.tets), SAMPLES))
     points = np.einsum("msc,mci->msi", weights, mesh.vertices[mesh.tets]).reshape(-1, 3)

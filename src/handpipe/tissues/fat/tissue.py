@@ -65,16 +65,16 @@ class TissueSettings:
     ----------
     young : float
         Young's modulus in kPa.
-    skin_young : float
-        Young's modulus of the skin in kPa; it counts where a tissue has a `skin_share`.
     poisson : float
         Poisson's ratio.
     stiffness : float
         Stiffness of the constraints in kPa/mm, per area they act on.
+    skin_young : float
+        Young's modulus of the skin in kPa; it counts where a tissue has a `skin_share`.
 
     References
     ----------
-    Zheng 2022 Table 2: fat 1 kPa.
+    Zheng 2022 Table 2: fat 1 kPa. The skin's modulus was chosen on validation subjects (docs/methods.md).
     """
 
     young: float = 1.0
