@@ -197,10 +197,14 @@ CHANGES = [
             "mechanics": (True, "export_mechanics require_frames"),
             "deviations": (
                 True,
-                "evaluate_deviations learn_deviations report require_frames state_deviations",
+                "evaluate_deviations learn_deviations report require_frames simulate_passive_skin "
+                "state_deviations",
             ),
             "movie": (True, "render_movie require_frames"),
-            "images": (True, "evaluate_images move_image move_images report require_frames"),
+            "images": (
+                True,
+                "evaluate_images move_image move_images report require_frames simulate_passive_skin",
+            ),
             "fidelity": ("standard", ""),  # the build's
         },
     ),
