@@ -37,8 +37,8 @@ def ball(radius: float) -> Surface:
 
 def settled(radius: float) -> dict[str, float]:
     """Figures of a skin's contact; its overlap is the distance of a radius from 20."""
-    settled = {"contact_renewals": 3.0, "contact_motion": 0.1, "contact_unsettled": 1.0}
-    return {**settled, "skin_overlap": 20.0 - radius}
+    contact = {"contact_renewals": 3.0, "contact_motion": 0.1, "contact_unsettled": 1.0}
+    return {**contact, "skin_overlap": 20.0 - radius}
 
 
 def evaluated(folder: Path) -> tuple[dict[str, float], list[dict]]:

@@ -13,7 +13,7 @@ from tests.fem.bodies import box
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.potentials.elastic import Elastic
 from handpipe.fem.solver import equilibrium
-from handpipe.hand.exports.input_deck import write_deck
+from handpipe.hand.exports.input_deck import STEPS, _in_steps, write_deck
 from handpipe.mesh.tets.tetrahedra import TetMesh
 
 CCX = shutil.which("ccx")
@@ -103,3 +103,12 @@ def test_shares_of_tissue_scale_the_material(tmp_path: Path):
     assert np.abs(moves - own).max() < 2e-3 * np.abs(own).max()
     expected = elastic.cauchy_stresses(x)[:, [0, 1, 2], [0, 1, 2]]
     assert np.abs(stresses[:, :3] - expected).max() < 6e-3 * np.abs(expected).max()
+
+
+def test_moduli_of_many_values_are_rounded_by_less_than_a_twelfth():
+    """Skin and fat in all shares, 20 to 1: the softest stay soft, and few materials are left."""
+    moduli = 1.0 + 19.0 * np.random.default_rng(0).uniform(size=2000) ** 3
+    rounded = _in_steps(moduli)
+    assert len(np.unique(rounded)) <= STEPS + 1
+    assert np.abs(rounded / moduli - 1).max() < 1 / 12
+    assert _in_steps(moduli[:STEPS]).tolist() == moduli[:STEPS].tolist()

@@ -46,6 +46,12 @@ def _settings(subject: Subject) -> Mapping[str, float]:
     return vars(fat.tissue.settings)
 
 
+def _stiffer_fat(subject: Subject, factor: float, *names: str) -> TissueLayer:
+    """The fat with some of its settings times a factor."""
+    usual = _settings(subject)
+    return _fat(subject, **{name: factor * usual[name] for name in names})
+
+
 def _muscles(subject: Subject, young: float = 1.0, other: float = 1.0) -> MuscleLayer:
     """The muscles with Young's modulus and all other stiffnesses times a factor."""
     usual = subject.layers["muscles"]
@@ -74,9 +80,7 @@ def _softer(layer: str, factor: float) -> Callable[[Subject], Outcome]:
 
     def run(subject: Subject) -> Outcome:
         if layer == "fat":
-            usual_settings = _settings(subject)
-            scaled = {name: factor * usual_settings[name] for name in ("young", "skin_young")}
-            changed: TissueLayer | MuscleLayer = _fat(subject, **scaled)
+            changed: TissueLayer | MuscleLayer = _stiffer_fat(subject, factor, "young", "skin_young")
         else:
             changed = _muscles(subject, young=factor)
         found = Solved.of(subject.plain, subject.whole(**{layer: changed}))
@@ -93,9 +97,8 @@ def _softer(layer: str, factor: float) -> Callable[[Subject], Outcome]:
 
 def _scaled_fat(factor: float) -> Callable[[Subject], Outcome]:
     def run(subject: Subject) -> Outcome:
-        usual = _settings(subject)
-        scaled = {name: factor * usual[name] for name in ("young", "skin_young", "stiffness")}
-        found = Solved.of(subject.plain, subject.whole(fat=_fat(subject, **scaled)))
+        changed = _stiffer_fat(subject, factor, "young", "skin_young", "stiffness")
+        found = Solved.of(subject.plain, subject.whole(fat=changed))
         apart = float(change(found.shapes, subject.plain_shapes).max())
         return Outcome([found], [Check("skin from the usual one", apart, SAME)])
 

@@ -246,7 +246,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("folders", metavar="SUBJECT_FOLDER", nargs="+", type=Path)
     parser.add_argument("--freeze", help="tag of the commit at which all hands must have been built")
-    parser.add_argument("--record", type=Path, default=RECORD, help="figures of the hands of one freeze")
+    parser.add_argument(
+        "--record", type=Path, default=RECORD, help="figures of one freeze's hands; another's are replaced"
+    )
     parser.add_argument("--kinds", type=Path, default=KINDS, help="file of validation and test hands")
     parser.add_argument("--figures", type=Path, default=FIGURES)
     parser.add_argument("--page", type=Path, default=PAGE)

@@ -1,6 +1,9 @@
 """The flesh: one soft tissue on bones, whose skin does not feel itself."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from handpipe.core.layers import Frame
@@ -31,6 +34,19 @@ def test_where_no_skin_touches_it_is_the_soft_tissue_of_the_skin():
     skin = TissueLayer("skin", body).solve(frame, posed)["skin_mesh"].vertices
     assert np.linalg.norm(skin - body.mesh.vertices, axis=1).max() > 0.9
     np.testing.assert_allclose(flesh, skin, atol=0.02)
+
+
+def test_its_skin_is_stiff_where_the_soft_tissue_has_none():
+    """One mesh serves both: a tissue that is as soft in its skin, and the flesh, 20 times stiffer there."""
+    plain = limb()
+    share = np.linspace(0.0, 1.0, len(plain.mesh.tets))
+    body = replace(plain, skin_share=share, settings=replace(plain.settings, young=6.0, skin_young=6.0))
+    x = plain.mesh.vertices * [1.2, 0.95, 1.0]
+    energies = plain.mesh.volumes() * plain.occupancy
+    uniform = 6.0 * plain.elastic.value(x)
+    assert TissueLayer("skin", body).tissue.elastic.value(x) == pytest.approx(uniform)
+    stiffer = (energies @ (1.0 + 19.0 * share)) / energies.sum()
+    assert FleshLayer(body).tissue.elastic.value(x) == pytest.approx(stiffer * uniform)
 
 
 def test_after_another_frame_it_comes_to_rest_in_the_same_shape():

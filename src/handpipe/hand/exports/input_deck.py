@@ -23,7 +23,8 @@ def write_deck(path: str | Path, elastic: Elastic, x: Array, title: str) -> None
     all vertices of their boundary (*BOUNDARY); and a static step with large displacements, which finds the
     inner vertices. The material is neo-Hookean, W = C10 (I1' - 3) + (J - 1)^2 / D1, with C10 = mu / 2 and
     D1 = 2 / (lambda + 2 mu / 3): at small strains it is the material of the simulation. A share of tissue
-    scales both. Plastic strain is not in the deck. Units are mm, mN and kPa.
+    scales both. Moduli of more than 20 values are rounded to 20 equal ratios. Plastic strain is not in the
+    deck. Units are mm, mN and kPa.
 
     Parameters
     ----------
@@ -82,11 +83,12 @@ def _materials(elastic: Elastic) -> Iterator[str]:
 
 
 def _in_steps(values: Array) -> Array:
-    """Values (m,), those of more than `STEPS` kinds rounded to steps between the least and the largest."""
+    """Values (m,) above 0; more than `STEPS` kinds are rounded to equal ratios: soft ones stay soft."""
     if len(np.unique(values)) <= STEPS:
         return values
-    low, high = values.min(), values.max()
-    return low + (high - low) * np.round(STEPS * (values - low) / (high - low)) / STEPS
+    logs = np.log(values)
+    low, span = logs.min(), np.ptp(logs)
+    return np.exp(low + span * np.round(STEPS * (logs - low) / span) / STEPS)
 
 
 def _displacements(vertices: IntArray, moves: Array) -> Iterator[str]:
