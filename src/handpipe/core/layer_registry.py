@@ -154,7 +154,7 @@ LAYERS: dict[str, LayerRecord] = {
     ),
     "skin": LayerRecord(
         needs=("bones",),
-        load="handpipe.tissues.fat.creases.bending:load_skin",
+        load="handpipe.tissues.fat.creases.layer:load_skin",
         artifacts=(_below(paths.SOFT_TISSUE),),
         instead="fat",
         look=Look((0.91, 0.71, 0.60), opacity=0.3),

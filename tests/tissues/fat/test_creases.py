@@ -11,9 +11,10 @@ from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.posing.joint_sweep import swept_vertices
 from handpipe.skeleton.posing.layer import BoneLayer
 from handpipe.stages.tissues.mesh_crease_tissue import CreaseEdges, crease_tissue, swept_bones
-from handpipe.tissues.fat.creases.bending import CreaseLayer, load_skin, partway
+from handpipe.tissues.fat.bending import partway
 from handpipe.tissues.fat.creases.fold_form import fold_form
 from handpipe.tissues.fat.creases.folding import folding_vertices
+from handpipe.tissues.fat.creases.layer import CreaseLayer, load_skin
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.tissue import Tissue
 
@@ -185,7 +186,7 @@ def test_its_file_keeps_the_creases_and_a_plain_tissue_has_none(tissue: Tissue, 
     layer = load_skin([tmp_path / "creases.h5"], {})
     assert isinstance(layer, CreaseLayer) and layer.tissue.creases is not None and tissue.creases is not None
     np.testing.assert_array_equal(layer.tissue.creases.young, tissue.creases.young)
-    assert layer.tissue.creases.parents == {"far": "near"}
+    assert layer.tissue.parents == {"far": "near"}
     limb().save(tmp_path / "plain.h5", [])
     plain = load_skin([tmp_path / "plain.h5"], {})
     assert type(plain) is TissueLayer and plain.tissue.creases is None

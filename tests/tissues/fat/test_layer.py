@@ -165,7 +165,7 @@ def test_after_another_frame_it_starts_from_there(monkeypatch):
     before = Frame("before", {}, REST), {"fat": {"fat_mesh": Shape(mesh.vertices, x, mesh.tets)}}
     asked = []
 
-    def at_rest(self, frame, below, starts):
+    def at_rest(self, frame, below, starts, origin):
         asked.extend(starts)
         return Settled(starts[0], 1, 0.0)
 

@@ -74,6 +74,7 @@ def crease_tissue(rig: Rig, skin: Skin, hand: Literal["right", "left"], edges: C
         smoothed_weights(mesh, rig.surfaces),
         TissueSettings(YOUNG, POISSON, STIFFNESS),
         creases=creases,
+        parents=rig.parents,
     )
 
 

@@ -38,5 +38,5 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float, on: Sequence[str] = unde
     ]
     inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
     inside = Inside(below, tuple(on), inner, inputs.inner)
-    tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, TissueSettings())
+    tissue = make_tissue(rig, inside, Skin.load(inputs.skin), edge, TissueSettings())
     tissue.save(output, [inputs.inner, inputs.skin])

@@ -10,6 +10,7 @@ from pathlib import Path
 from handpipe.core import InputError, Shapes
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import smoothed_weights
+from handpipe.skeleton.rig import Rig
 from handpipe.tissues.fat import (
     Skin,
     Tissue,
@@ -41,7 +42,7 @@ class Inside:
 
 
 def make_tissue(
-    bones: Mapping[str, Surface],
+    rig: Rig,
     inside: Inside,
     skin: Skin,
     edge: float,
@@ -54,9 +55,10 @@ def make_tissue(
     points = inner_points(inside.below, inside.layers, inside.surface, slack=0.25)
     mesh, occupancy, points = without_pockets(mesh, occupancy, skin.surface, points)
     log.info("%d vertices, %d tets, %d inner points", len(mesh.vertices), len(mesh.tets), len(points.rest))
-    weights = smoothed_weights(mesh, bones)
-    made = Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(bones), weights, settings)
-    return replace(made, skin_share=skin_share(mesh, skin.surface, inside.surface, SKIN_THICKNESS))
+    weights = smoothed_weights(mesh, rig.surfaces)
+    made = Tissue(mesh, occupancy, skin.surface, points, skin.rigid, tuple(rig.surfaces), weights, settings)
+    share = skin_share(mesh, skin.surface, inside.surface, SKIN_THICKNESS)
+    return replace(made, skin_share=share, parents=rig.parents)
 
 
 def require_inside(bodies: Mapping[str, Shapes], skin: Skin, source: Path) -> None:

@@ -6,7 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.tissues.fat.constraints import cut_end, inner_points
-    from handpipe.tissues.fat.creases.bending import CreaseLayer, load_skin
+    from handpipe.tissues.fat.creases.layer import CreaseLayer, load_skin
     from handpipe.tissues.fat.layer import FatStrains, TissueLayer, load_fat
     from handpipe.tissues.fat.mesh import inner_surface, skin_share, tissue_mesh, without_pockets
     from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices, on_skin

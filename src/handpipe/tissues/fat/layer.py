@@ -28,11 +28,14 @@ from handpipe.fem.solver import Settled
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
+from handpipe.tissues.fat.bending import Origin, Pace, bent
 from handpipe.tissues.fat.nails import from_vector
 from handpipe.tissues.fat.skin_barrier import Scene, kept_apart, penetration
-from handpipe.tissues.fat.tissue import Tissue
+from handpipe.tissues.fat.tissue import LOST, Tissue
 
 log = logging.getLogger(__name__)
+
+PACE = Pace(step=np.radians(2.5), iterations=6)  # where the tissue is bent
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,8 @@ class TissueLayer:
         figures tell.
     """
 
+    pace = PACE
+
     def __init__(
         self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
     ) -> None:
@@ -168,21 +173,65 @@ class TissueLayer:
             transforms[name] = bones[part.bone] @ correction
         return transforms
 
-    def at_rest(self, frame: Frame, below: Mapping[str, Shapes], starts: Sequence[Array]) -> Settled:
-        """The equilibrium in a frame from the first good start (n, 3), its skin out of itself."""
-        tissue, bones = self.tissue, frame.bones
-        rigid, strains = self.rigid(bones), self.plastic_strains(bones)
-        settled = tissue.at_rest(below, rigid, strains, starts)
-        if not tissue.skin_contact:
-            return settled
-        elastic = tissue.elastic if strains is None else tissue.elastic.with_strains(strains)
+    def scene(self, bones: Mapping[str, RigidTransform], below: Mapping[str, Shapes]) -> Scene:
+        """The tissue in a pose, with its strains there, on the bodies below."""
+        strains = self.plastic_strains(bones)
+        elastic = self.tissue.elastic if strains is None else self.tissue.elastic.with_strains(strains)
+        return Scene(self.tissue, below, self.rigid(bones), elastic)
+
+    @property
+    def bends(self) -> bool:
+        """Whether the tissue can be bent in steps: its tree of bones is known, and its skin has a barrier."""
+        tissue = self.tissue
+        return tissue.skin_contact and bool(tissue.parents) and tissue.skin_barrier() is not None
+
+    def bent(self, origin: Origin, frame: Frame, below: Mapping[str, Shapes]) -> Settled:
+        """The equilibrium in a frame, bent from a pose in which the skin does not cross itself.
+
+        Raises
+        ------
+        ConvergenceError
+            Where a step fails, however small.
+        """
         try:
-            return kept_apart(Scene(tissue, below, rigid, elastic), settled)
+            return bent(self.scene, self.scene(frame.bones, below), frame.bones, origin, self.pace)
         except ConvergenceError as error:
-            if self.strict:
-                raise error.within(f"{self.name} of {frame.name}") from error
-            log.warning("%s of %s: %s", self.name, frame.name, error)
-            return settled
+            raise error.within(f"{self.name} of {frame.name}") from error
+
+    def at_rest(
+        self,
+        frame: Frame,
+        below: Mapping[str, Shapes],
+        starts: Sequence[Array],
+        origin: Origin | None = None,
+    ) -> Settled:
+        """The equilibrium in a frame from the first good start (n, 3), its skin out of itself.
+
+        Where the first start lies deep in itself, or no start leads there, the tissue is bent from another
+        pose, by default from neutral.
+        """
+        tissue, bones, planes = self.tissue, frame.bones, list[Settled]()
+
+        def from_starts() -> Settled:
+            planes.append(tissue.at_rest(below, self.rigid(bones), self.plastic_strains(bones), starts))
+            return kept_apart(self.scene(bones, below), planes[0]) if tissue.skin_contact else planes[0]
+
+        def from_origin() -> Settled:
+            return self.bent(origin or Origin.neutral(tissue, below), frame, below)
+
+        ways = [from_starts, from_origin] if self.bends else [from_starts]
+        if self.bends and tissue.overlap(starts[0]) >= LOST:
+            ways.reverse()
+        for way in ways:
+            try:
+                return way()
+            except ConvergenceError as error:
+                failure = error if way is from_origin else error.within(f"{self.name} of {frame.name}")
+                log.info("%s", failure)
+        if self.strict or not planes:
+            raise failure
+        log.warning("%s", failure)
+        return planes[0]
 
     def _warn_beyond(self, frame: Frame) -> None:
         """Name the bones around which no example is near."""
@@ -207,15 +256,25 @@ class TissueLayer:
         return self.shapes_at(self.at_rest(frame, below, self.starts(frame.bones)), frame, below)
 
     def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """As `solve`, with the tissue of another frame, as the bones carry it, as the first guess.
+        """As `solve`, from another frame.
+
+        Where the other frame's skin touches itself, or would on the way, the tissue is bent from there; else
+        the tissue as the bones carry it is the first guess.
 
         Raises
         ------
         ConvergenceError
             As `solve`.
         """
-        starts = [self.tissue.after(self.name, before, frame.bones), *self.starts(frame.bones)]
-        return self.shapes_at(self.at_rest(frame, below, starts), frame, below)
+        origin, tissue = Origin.of(before, self.name), self.tissue
+        start = tissue.carried(origin.x, origin.bones, frame.bones)
+        barrier = tissue.skin_barrier() if self.bends else None
+        if barrier and (
+            np.isfinite(barrier.gap(origin.x)) or barrier.max_step(origin.x, start - origin.x) < 1
+        ):
+            return self.shapes_at(self.bent(origin, frame, below), frame, below)
+        settled = self.at_rest(frame, below, [start, *self.starts(frame.bones)], origin)
+        return self.shapes_at(settled, frame, below)
 
     def shapes_at(self, settled: Settled, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """What `solve` hands on of an equilibrium in a frame."""

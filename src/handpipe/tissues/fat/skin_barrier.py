@@ -67,9 +67,6 @@ def kept_apart(scene: Scene, settled: Settled) -> Settled:
     elif not np.isfinite(barrier.gap(x)):
         return settled
     found = behind(scene, barrier, x)
-    left = crossing_vertices(scene.skin(found.x))
-    if len(left):
-        raise _no_room(scene, found.x, left)
     return replace(found, renewals=settled.renewals + found.renewals)
 
 
@@ -77,11 +74,16 @@ def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
     """The equilibrium with a barrier, from a start (n, 3) without crossings; the bodies' planes are renewed.
 
     Each solve starts from the one before: what the renewal makes of two of them may intersect.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no equilibrium, or an independent count finds crossings.
     """
     free, records = [start], list[Record]()
 
-    def in_place(planes: Array, _: NearEnough | None) -> Array:
-        found = scene.solve([barrier], planes, free[-1])
+    def in_place(planes: Array, enough: NearEnough | None) -> Array:
+        found = scene.solve([barrier], planes, free[-1], replace(OPTIONS, enough=enough))
         free.append(found.x)
         records.append(found.record)
         return found.x
@@ -90,6 +92,9 @@ def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
         return root_mean_square(scene.tissue.skin_matrix @ step)
 
     settled = settle(in_place, start, CONTACTS, "soft tissue, skin behind a barrier", motion)
+    left = crossing_vertices(scene.skin(settled.x))
+    if len(left):
+        raise _no_room(scene, settled.x, left)
     return replace(settled, solver=records[settled.chosen - 1].figures)
 
 

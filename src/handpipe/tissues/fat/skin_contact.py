@@ -8,13 +8,13 @@ from scipy import sparse
 from handpipe.core import Array, IntArray
 from handpipe.fem.contact import Barrier, CollidingPairs, Contact, Sliding, left_deep
 from handpipe.fem.potentials import Potential
-from handpipe.mesh.contact import SelfContact, self_contact
+from handpipe.mesh.contact import SelfContact, crossings, self_contact
 from handpipe.mesh.surfaces import Surface
 
 TOUCH, DEEP = 1.0, 6.0  # mm above and beneath another sheet of the skin within which a vertex has contact
 BITE = 1.0  # mm of depth, at most, that one set of planes resolves: deep planes push from where sheets were
 DISTANCE = 0.1  # mm within which sheets of skin repel behind a barrier: a fifteenth of the skin's edges
-BARRIER_STIFFNESS = 5.0  # times Young's modulus: pressed sheets keep a few hundredths of a mm
+BARRIER_STIFFNESS = 5.0  # times Young's modulus of the tissue
 FRICTION = 0.1  # stiffness along sheets that lie on one another, as a share of that across them
 
 
@@ -46,15 +46,19 @@ def _sticking(
 
 
 def overlap(rest: Surface, skin: Surface) -> float:
-    """Depth in mm, at most, of a skin in itself."""
+    """Depth in mm, at most, of a skin in itself.
+
+    Where no edge crosses a triangle it is zero, although sheets of a tight fold may face one another as if
+    one lay in the other.
+    """
+    if not len(crossings(skin)):
+        return 0.0
     return max(0.0, -float(self_contact(skin, rest, 0.0, DEEP).gaps.min(initial=0.0)))
 
 
-def skin_barrier(rest: Array, triangles: IntArray, matrix: sparse.csr_matrix, young: float) -> Barrier:
-    """The barrier of a skin against itself, of tissue that is at `rest` (n, 3) in neutral; young in kPa.
+def skin_barrier(rest: Array, triangles: IntArray, matrix: sparse.csr_matrix, stiffness: float) -> Barrier:
+    """The barrier of a skin against itself, of tissue that is at `rest` (n, 3) in neutral; stiffness in kPa.
 
     It raises `InputError` where the neutral skin intersects itself.
     """
-    return Barrier(
-        matrix, triangles, rest, DISTANCE, BARRIER_STIFFNESS * young, pairs=CollidingPairs(rest=rest)
-    )
+    return Barrier(matrix, triangles, rest, DISTANCE, stiffness, pairs=CollidingPairs(rest=rest))

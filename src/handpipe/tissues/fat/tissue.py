@@ -35,7 +35,7 @@ from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
 from handpipe.tissues.fat.creases.materials import Creases
 from handpipe.tissues.fat.skin import CUT_END, Rigid
-from handpipe.tissues.fat.skin_contact import DISTANCE, overlap, skin_barrier, skin_on_skin
+from handpipe.tissues.fat.skin_contact import BARRIER_STIFFNESS, DISTANCE, overlap, skin_barrier, skin_on_skin
 
 log = logging.getLogger(__name__)
 
@@ -108,9 +108,12 @@ class Tissue:
     skin_contact : bool
         Whether contact keeps the skin out of itself.
     creases : Creases, optional
-        Materials of single tets and the way into poses; by default the material is that of the settings.
+        Materials of single tets; by default the material is that of the settings.
     skin_share : array (m,), optional
         Share of each tet's tissue that is skin; by default none is.
+    parents : mapping of str to str
+        Parent of each bone but the root, parents before children: the way into poses. Without it the tissue
+        cannot be bent in steps.
     """
 
     mesh: TetMesh
@@ -124,6 +127,7 @@ class Tissue:
     skin_contact: bool = True
     creases: Creases | None = None
     skin_share: Array | None = None
+    parents: Mapping[str, str] = field(default_factory=dict)
 
     def without_sliding(self) -> Tissue:
         """The same tissue, fixed where it slides on the bodies below."""
@@ -210,11 +214,17 @@ class Tissue:
     def _neutral_barrier(self) -> Barrier | None:
         try:
             return skin_barrier(
-                self.mesh.vertices, self.skin.triangles, self.skin_matrix, self.settings.young
+                self.mesh.vertices, self.skin.triangles, self.skin_matrix, self.barrier_stiffness
             )
         except InputError:
             log.warning("soft tissue: the neutral skin intersects itself; no barrier keeps it out of itself")
             return None
+
+    @property
+    def barrier_stiffness(self) -> float:
+        """Stiffness in kPa of the skin's barrier: pressed sheets keep some hundredths of a mm."""
+        stiff = 0.0 if self.skin_share is None else self.settings.skin_young
+        return max(BARRIER_STIFFNESS * self.settings.young, stiff)
 
     @cached_property
     def skin_areas(self) -> Array:
@@ -565,6 +575,8 @@ class Tissue:
         if self.creases is not None:
             data["creases"] = self.creases.to_group()
             units |= {"creases/young": "kPa", "creases/poisson": "1"}
+        if self.parents:
+            data["joints"] = {"children": list(self.parents), "parents": list(self.parents.values())}
         artifacts.write(path, data, kind="tissue", units=units, inputs=inputs)
 
     @staticmethod
@@ -578,6 +590,7 @@ class Tissue:
         """
         d = artifacts.read(path, "tissue", finite=True)
         given, count = d.get("creases"), len(d["mesh"]["tets"])
+        joints = d.get("joints", {"children": (), "parents": ()})
         return Tissue(
             mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),
             occupancy=d["occupancy"],
@@ -589,4 +602,5 @@ class Tissue:
             settings=TissueSettings(**{k: float(v) for k, v in d["settings"].items()}),
             creases=None if given is None else Creases.from_group(given, path, count),
             skin_share=d.get("skin_share"),
+            parents=dict(zip(joints["children"], joints["parents"], strict=True)),
         )

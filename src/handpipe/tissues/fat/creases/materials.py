@@ -22,7 +22,7 @@ DEPTH = 3.0  # mm beneath the skin to which a fold is soft
 
 @dataclass(frozen=True)
 class Creases:
-    """What a tissue with creases has beyond others: a material a tet, and the way into its poses.
+    """What a tissue with creases has beyond others: a material a tet, and where its skin folds.
 
     The material is Saint-Venant-Kirchhoff with the volume term.
 
@@ -34,8 +34,6 @@ class Creases:
         Poisson's ratios.
     folding : array (k,)
         Skin vertices where it folds.
-    parents : mapping of str to str
-        Parent of each bone but the root, parents before children.
 
     References
     ----------
@@ -45,7 +43,6 @@ class Creases:
     young: Array
     poisson: Array
     folding: IntArray
-    parents: Mapping[str, str]
 
     @property
     def material(self) -> Material:
@@ -54,21 +51,14 @@ class Creases:
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
-        return {
-            "young": self.young,
-            "poisson": self.poisson,
-            "folding": self.folding,
-            "children": list(self.parents),
-            "parents": list(self.parents.values()),
-        }
+        return {"young": self.young, "poisson": self.poisson, "folding": self.folding}
 
     @staticmethod
     def from_group(group: Mapping[str, Any], source: str | Path, count: int) -> Creases:
         """What `to_group` gave, of `count` tets; `InputError` names `source` where it is of others."""
         if not len(group["young"]) == len(group["poisson"]) == count:
             raise InputError(source, "creases", f"are not of {count} tets", artifacts.REBUILD)
-        parents = dict(zip(group["children"], group["parents"], strict=True))
-        return Creases(group["young"], group["poisson"], group["folding"], parents)
+        return Creases(group["young"], group["poisson"], group["folding"])
 
 
 def creases_of(mesh: TetMesh, skin: Surface, folding: BoolArray, rig: Rig, dorsal: Array | None) -> Creases:
@@ -93,7 +83,7 @@ def creases_of(mesh: TetMesh, skin: Surface, folding: BoolArray, rig: Rig, dorsa
     Returns
     -------
     Creases
-        The materials, and the rig's tree of bones.
+        The materials.
 
     References
     ----------
@@ -105,7 +95,7 @@ def creases_of(mesh: TetMesh, skin: Surface, folding: BoolArray, rig: Rig, dorsa
     back = np.zeros(len(centres), dtype=bool) if dorsal is None else _on_the_back(centres, rig, dorsal)
     kinds = np.where(fold, 2, np.where(back, 1, 0))
     values = np.array([PALMAR, DORSAL, FOLD]).T[:, kinds]
-    return Creases(values[0], values[1], np.flatnonzero(folding), rig.parents)
+    return Creases(values[0], values[1], np.flatnonzero(folding))
 
 
 def _on_the_back(centres: Array, rig: Rig, dorsal: Array) -> BoolArray:
