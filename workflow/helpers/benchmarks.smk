@@ -3,6 +3,8 @@
 from handpipe.core import artifacts_of, paths
 from handpipe.core.configuration import load_dataset, load_scene
 
+SEQUENCES = ("close-fist", "thumb-opposition", "performance", "numbers", "sign-letters")
+
 
 def as_built(subject, name):
     """What a benchmark reads of a built subject to simulate the layers of a scene."""
@@ -20,6 +22,23 @@ def simulated_frames(subject, name):
     numbers = chunks(subject, name)
     made = expand(paths.SCENE_CHUNK, subject=subject, scene=name, chunk=numbers)
     return [*made, *as_built(subject, name)]
+
+
+def shipped_sequences():
+    """The scenes of the five sequences whose recordings are here."""
+    return [
+        name
+        for name in SEQUENCES
+        if load_scene(f"config/scenes/{name}.yaml").recording is None
+        or load_scene(f"config/scenes/{name}.yaml").frames.exists()
+    ]
+
+
+def figures_of_frames(subject, of):
+    """Files of the frames of the five sequences; of: from a name to their pattern."""
+    return [
+        paths.at(of(f"frames-{name}"), subject=subject) for name in shipped_sequences()
+    ]
 
 
 def levels_against_truth(subject):

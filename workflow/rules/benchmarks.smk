@@ -382,6 +382,7 @@ rule benchmark_fidelity:
 
 
 LAYERED = ["cases", "random"]
+MOVED = "phantom-hand-preview"  # whose sequences are timed
 
 
 rule benchmark_layered_part:
@@ -428,6 +429,35 @@ rule benchmark_layered:
         arguments=lambda w, input: ["merge", *input],
     message:
         "hard cases of the layered simulation: all figures"
+    script:
+        "../scripts/benchmark.py"
+
+
+# The five sequences of Zheng 2022 Table 3 on the generated hand: some thousands of frames, hours on two cores.
+rule benchmark_motions:
+    input:
+        metrics=lambda w: figures_of_frames(MOVED, paths.metrics_of),
+        tables=lambda w: figures_of_frames(MOVED, paths.table_of),
+    output:
+        paths.benchmark_of("frames.json"),
+        paths.benchmark_of("frames.md"),
+    log:
+        paths.benchmark_of("logs/benchmark_motions.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_motions.tsv")
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        name="motions",
+        arguments=lambda w: [
+            paths.at(paths.SUBJECT, subject=MOVED),
+            "--scenes",
+            *shipped_sequences(),
+        ],
+    message:
+        "the five sequences: frames, seconds, contact and continuity"
     script:
         "../scripts/benchmark.py"
 
