@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from handpipe.tissues.fascia.regions import muscle_regions
 from handpipe.tissues.fascia.wrapping import bone_wrap, wrap
 from handpipe.tissues.fat.constraints import inner_points
 from handpipe.tissues.fat.layer import FatStrains
-from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh
+from handpipe.tissues.fat.mesh import inner_surface, skin_share, tissue_mesh
 from handpipe.tissues.fat.skin import Rigid
 from handpipe.tissues.fat.tissue import Tissue, TissueSettings
 from handpipe.tissues.muscles.muscle import Examples, Muscle
@@ -79,14 +80,16 @@ def _write_inner(files: dict[str, list[Path]], bones: dict[str, Surface]) -> Non
 def _write_outer(files: dict[str, list[Path]], bones: dict[str, Surface], below: dict[str, Shapes]) -> None:
     shapes = [s for n in under_fat() for s in below[n].values() if s.cells.shape[1] == 3]
     inner = inner_surface([Surface(s.vertices, s.cells) for s in shapes], 0.8, 1.0)
-    fat = _tissue(below, under_fat(), inner, bones, 1.0)
+    fat = _tissue(below, under_fat(), inner, bones, TissueSettings())
     fat.save(files["fat"][0], [])
     space = LocalPoseSpaces.build("ab", PARENTS, {"neutral": STILL})
     tets, vertices = len(fat.mesh.tets), len(fat.mesh.vertices)
     FatStrains(space, np.zeros((1, tets, 6)), {}, np.zeros((1, vertices, 3))).save(files["fat"][1], [])
     alone = {"bones": BoneLayer(bones).solve(Frame("neutral", {}, STILL), {})}
     around = bone_wrap(bones, [("a", "b")], CLOTH_EDGE)
-    _tissue(alone, ("bones",), around, bones, 6.0).save(files["skin"][0], [])
+    _tissue(alone, ("bones",), around, bones, TissueSettings(young=6.0, skin_young=6.0)).save(
+        files["skin"][0], []
+    )
 
 
 def _tissue(
@@ -94,7 +97,7 @@ def _tissue(
     layers: tuple[str, ...],
     inner: Surface,
     bones: dict[str, Surface],
-    young: float,
+    settings: TissueSettings,
 ) -> Tissue:
     skin = capsule(17.0, SKIN_EDGE, 34.0)
     skin = skin.moved(skin.vertices - [0.0, 0.0, 4.0])
@@ -102,4 +105,5 @@ def _tissue(
     points = inner_points(below, layers, inner, slack=0.25)
     end = {"cut_end": Rigid("a", np.flatnonzero(skin.vertices[:, 0] < -28.0))}
     weights = smoothed_weights(mesh, bones)
-    return Tissue(mesh, occupancy, skin, points, end, ("a", "b"), weights, TissueSettings(young=young))
+    made = Tissue(mesh, occupancy, skin, points, end, ("a", "b"), weights, settings, parents=PARENTS)
+    return replace(made, skin_share=skin_share(mesh, skin, inner, 1.5))

@@ -13,7 +13,8 @@ from benchmarks.layered.subject import Subject, simulated
 from handpipe.core import Shapes, under_fat
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.posing import smoothed_weights
-from handpipe.tissues.fat import Tissue, inner_points, inner_surface, tissue_mesh
+from handpipe.stages.tissues.tissue import SKIN_THICKNESS
+from handpipe.tissues.fat import Tissue, inner_points, inner_surface, skin_share, tissue_mesh
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.muscles import Muscle, MuscleLayer
 from handpipe.tissues.tendons.layer import TendonLayer
@@ -122,6 +123,7 @@ def _meshed(
         occupancy=occupancy,
         inner=inner_points(below, layers, inner, slack=SLACK),
         weights=smoothed_weights(mesh, subject.bones),
+        skin_share=skin_share(mesh, tissue.skin, inner, SKIN_THICKNESS),
     )
     return TissueLayer("fat", made)
 
