@@ -90,6 +90,24 @@ def test_contact_pushes_the_tissue_out_and_never_pulls_it():
             np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-3)
 
 
+def test_contact_and_tissue_are_springs_in_series():
+    """A bone swells by 0.4 mm: contact gives way by a part of it, the tissue by the rest, at one pressure.
+
+    The penalty's force is its stiffness times the depth beyond half its onset of 0.05 mm.
+    """
+    core, swell = capsule(CORE, 1.0), 0.4
+    swollen = below(core.vertices + swell * core.vertex_normals(), Region.contact)
+    moduli = []
+    for stiffness in (200.0, 800.0):
+        tissue = limb(Region.contact)
+        tissue = replace(tissue, settings=replace(tissue.settings, young=20.0, contact_stiffness=stiffness))
+        x = tissue.solve(swollen, at_rest(), None, tissue.mesh.vertices).x
+        surface = core.moved(swollen["bones"]["core"].vertices)
+        depth = -Distance(surface).signed(tissue.inner_matrix @ x)[0].mean()
+        moduli.append(stiffness * (depth - 0.025) / (swell - depth))
+    assert moduli[0] == pytest.approx(moduli[1], rel=0.15)
+
+
 def test_sliding_tissue_stays_on_the_bone_but_does_not_turn_with_it():
     turn = RigidTransform(Rotation.from_rotvec([1.0, 0, 0]).as_matrix(), np.zeros(3))
     core = capsule(CORE, 1.0)

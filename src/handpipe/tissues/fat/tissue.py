@@ -61,6 +61,8 @@ SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 class TissueSettings:
     """Material of the fat and of the skin around it, and stiffness of the fat's constraints.
 
+    Contact is stiffer than what is fixed or slides: a stiff skin that is stretched over a bone presses on it.
+
     Parameters
     ----------
     young : float
@@ -68,9 +70,11 @@ class TissueSettings:
     poisson : float
         Poisson's ratio.
     stiffness : float
-        Stiffness of the constraints in kPa/mm, per area they act on.
+        Stiffness of what is fixed or slides, and of the skin's planes, in kPa/mm, per area on which it acts.
     skin_young : float
         Young's modulus of the skin in kPa; it counts where a tissue has a `skin_share`.
+    contact_stiffness : float
+        Stiffness of contact with the bodies below, in kPa/mm, per area on which it acts.
 
     References
     ----------
@@ -81,6 +85,7 @@ class TissueSettings:
     poisson: float = 0.48
     stiffness: float = 50.0
     skin_young: float = 20.0
+    contact_stiffness: float = 200.0
 
 
 @dataclass(frozen=True)
@@ -272,16 +277,19 @@ class Tissue:
         default contact planes.
         """
         unit = share * self.settings.stiffness
-        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit, contact)]
+        return [*self._on_bodies(below, x, share), *self._on_skin(rigid, x, unit, contact)]
 
-    def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
+    def _on_bodies(self, below: Mapping[str, Shapes], x: Array, share: float = 1.0) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
 
         Contact planes touch the bodies where points are closest. Sliding points slide on the surface itself:
         planes of its facets would push them back and forth. A point on the wrong side of a thin body has a
         plane on its own side.
         """
-        inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
+        inner, matrix, settings = self.inner, self.inner_matrix, self.settings
+        stiffness, pressing = (
+            share * unit * inner.area for unit in (settings.stiffness, settings.contact_stiffness)
+        )
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
         touching, points, sides = self._touching, matrix @ x, np.zeros_like(inner.normal)
         loose = np.flatnonzero(~fixed)
@@ -293,7 +301,7 @@ class Tissue:
 
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
-            Contact(matrix[touching], *planes(touching), stiffness[touching]),
+            Contact(matrix[touching], *planes(touching), pressing[touching]),
         ]
         on_surfaces: list[SurfaceSliding] = []
         for body in np.unique(inner.body[sliding]):
@@ -370,7 +378,7 @@ class Tissue:
     def _pressures_on_bodies(self, below: Mapping[str, Shapes], x: Array) -> dict[str, dict[str, Array]]:
         """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""
         inner, ids = self.inner, self._touching
-        contacts = [c for c in self._on_bodies(below, x, self.settings.stiffness) if isinstance(c, Contact)]
+        contacts = [c for c in self._on_bodies(below, x) if isinstance(c, Contact)]
         forces = [np.linalg.norm(c.forces(c.points(x)), axis=1) for c in contacts]
         force = np.zeros(len(inner.rest))
         force[ids] = np.sum(forces, axis=0)
@@ -568,7 +576,8 @@ class Tissue:
             "settings": asdict(self.settings),
         }
         lengths = dict.fromkeys(("mesh/vertices", "skin/vertices", "inner/rest"), "mm")
-        moduli = {"settings/young": "kPa", "settings/skin_young": "kPa", "settings/stiffness": "kPa/mm"}
+        moduli = dict.fromkeys(("settings/young", "settings/skin_young"), "kPa")
+        moduli |= dict.fromkeys(("settings/stiffness", "settings/contact_stiffness"), "kPa/mm")
         units = lengths | moduli | {"inner/area": "mm^2", "occupancy": "1", "weights": "1"}
         if self.skin_share is not None:
             data["skin_share"], units["skin_share"] = self.skin_share, "1"
