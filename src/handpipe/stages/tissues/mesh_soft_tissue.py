@@ -36,6 +36,5 @@ def mesh_soft_tissue(inputs: Inputs, output: Path, dataset: Dataset, edge: float
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
     skin = Skin.load(inputs.skin).with_ends(rig.surfaces)
     inside = Inside(below, ("bones",), inner, inputs.rig)
-    uniform = TissueSettings(young=YOUNG, skin_young=YOUNG, contact_stiffness=TissueSettings().stiffness)
-    tissue = make_tissue(rig, inside, skin, edge, uniform)
+    tissue = make_tissue(rig, inside, skin, edge, TissueSettings(young=YOUNG, skin_young=YOUNG))
     tissue.save(output, inputs.all())

@@ -54,14 +54,16 @@ CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
 CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
 LOST = 3.0  # mm of a further start's self-penetration, from which it leads where the first one led
 SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
+GIVES, STIFFER = (
+    0.2,
+    8.0,
+)  # mm by which contact with a body gives way, from where so many times its stiffness adds
 SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 
 
 @dataclass(frozen=True)
 class TissueSettings:
     """Material of the fat and of the skin around it, and stiffness of the fat's constraints.
-
-    Contact is stiffer than what is fixed or slides: a stiff skin that is stretched over a bone presses on it.
 
     Parameters
     ----------
@@ -70,11 +72,9 @@ class TissueSettings:
     poisson : float
         Poisson's ratio.
     stiffness : float
-        Stiffness of what is fixed or slides, and of the skin's planes, in kPa/mm, per area on which it acts.
+        Stiffness of the constraints in kPa/mm, per area they act on.
     skin_young : float
         Young's modulus of the skin in kPa; it counts where a tissue has a `skin_share`.
-    contact_stiffness : float
-        Stiffness of contact with the bodies below, in kPa/mm, per area on which it acts.
 
     References
     ----------
@@ -85,7 +85,6 @@ class TissueSettings:
     poisson: float = 0.48
     stiffness: float = 50.0
     skin_young: float = 20.0
-    contact_stiffness: float = 200.0
 
 
 @dataclass(frozen=True)
@@ -277,19 +276,17 @@ class Tissue:
         default contact planes.
         """
         unit = share * self.settings.stiffness
-        return [*self._on_bodies(below, x, share), *self._on_skin(rigid, x, unit, contact)]
+        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit, contact)]
 
-    def _on_bodies(self, below: Mapping[str, Shapes], x: Array, share: float = 1.0) -> list[Potential]:
+    def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
 
         Contact planes touch the bodies where points are closest. Sliding points slide on the surface itself:
         planes of its facets would push them back and forth. A point on the wrong side of a thin body has a
-        plane on its own side.
+        plane on its own side. Contact that has given way by 0.2 mm is nine times stiffer: else a stiff skin
+        that a tight fold draws over a bone would let it through.
         """
-        inner, matrix, settings = self.inner, self.inner_matrix, self.settings
-        stiffness, pressing = (
-            share * unit * inner.area for unit in (settings.stiffness, settings.contact_stiffness)
-        )
+        inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
         touching, points, sides = self._touching, matrix @ x, np.zeros_like(inner.normal)
         loose = np.flatnonzero(~fixed)
@@ -299,9 +296,11 @@ class Tissue:
         def planes(ids: IntArray) -> tuple[Array, Array]:
             return touching_planes(points[ids], sides[ids], inner.body[ids], bodies)
 
+        origins, normals = planes(touching)
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
-            Contact(matrix[touching], *planes(touching), pressing[touching]),
+            Contact(matrix[touching], origins, normals, stiffness[touching]),
+            Contact(matrix[touching], origins - GIVES * normals, normals, STIFFER * stiffness[touching]),
         ]
         on_surfaces: list[SurfaceSliding] = []
         for body in np.unique(inner.body[sliding]):
@@ -378,7 +377,7 @@ class Tissue:
     def _pressures_on_bodies(self, below: Mapping[str, Shapes], x: Array) -> dict[str, dict[str, Array]]:
         """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""
         inner, ids = self.inner, self._touching
-        contacts = [c for c in self._on_bodies(below, x) if isinstance(c, Contact)]
+        contacts = [c for c in self._on_bodies(below, x, self.settings.stiffness) if isinstance(c, Contact)]
         forces = [np.linalg.norm(c.forces(c.points(x)), axis=1) for c in contacts]
         force = np.zeros(len(inner.rest))
         force[ids] = np.sum(forces, axis=0)
@@ -576,8 +575,7 @@ class Tissue:
             "settings": asdict(self.settings),
         }
         lengths = dict.fromkeys(("mesh/vertices", "skin/vertices", "inner/rest"), "mm")
-        moduli = dict.fromkeys(("settings/young", "settings/skin_young"), "kPa")
-        moduli |= dict.fromkeys(("settings/stiffness", "settings/contact_stiffness"), "kPa/mm")
+        moduli = {"settings/young": "kPa", "settings/skin_young": "kPa", "settings/stiffness": "kPa/mm"}
         units = lengths | moduli | {"inner/area": "mm^2", "occupancy": "1", "weights": "1"}
         if self.skin_share is not None:
             data["skin_share"], units["skin_share"] = self.skin_share, "1"
