@@ -283,8 +283,8 @@ class Tissue:
 
         Contact planes touch the bodies where points are closest. Sliding points slide on the surface itself:
         planes of its facets would push them back and forth. A point on the wrong side of a thin body has a
-        plane on its own side. Contact that has given way by 0.2 mm is nine times stiffer: else a stiff skin
-        that a tight fold draws over a bone would let it through.
+        plane on its own side. Contact with bones that has given way by 0.2 mm is nine times stiffer: else a
+        stiff skin that a tight fold draws over a bone would let it through. Other bodies are soft themselves.
         """
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
@@ -297,10 +297,11 @@ class Tissue:
             return touching_planes(points[ids], sides[ids], inner.body[ids], bodies)
 
         origins, normals = planes(touching)
+        hard = STIFFER * np.isin(inner.layers, HARD)[inner.body[touching]]
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
             Contact(matrix[touching], origins, normals, stiffness[touching]),
-            Contact(matrix[touching], origins - GIVES * normals, normals, STIFFER * stiffness[touching]),
+            Contact(matrix[touching], origins - GIVES * normals, normals, hard * stiffness[touching]),
         ]
         on_surfaces: list[SurfaceSliding] = []
         for body in np.unique(inner.body[sliding]):
