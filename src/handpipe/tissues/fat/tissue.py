@@ -54,10 +54,8 @@ CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
 CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
 LOST = 3.0  # mm of a further start's self-penetration, from which it leads where the first one led
 SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
-GIVES, STIFFER = (
-    0.2,
-    8.0,
-)  # mm by which contact with a body gives way, from where so many times its stiffness adds
+GIVES, STIFFER = 0.2, 8.0  # mm by which contact with bones gives way; times its stiffness, added from there
+HARD = ("bones", "bone_fascia")  # layers of bones
 SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 
 
@@ -297,7 +295,7 @@ class Tissue:
             return touching_planes(points[ids], sides[ids], inner.body[ids], bodies)
 
         origins, normals = planes(touching)
-        hard = STIFFER * np.isin(inner.layers, HARD)[inner.body[touching]]
+        hard = (self.creases is None) * STIFFER * np.isin(inner.layers, HARD)[inner.body[touching]]
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
             Contact(matrix[touching], origins, normals, stiffness[touching]),
