@@ -25,6 +25,7 @@ NOT_WATCHED = {
     "benchmark_trust_part": LONG,
     "benchmark_fidelity_part": LONG,
     "benchmark_layered_part": LONG,
+    "benchmark_motions": "some thousands of frames of a whole hand",
     "benchmark_levels_part": LONG,
     "benchmark_levels_creases": LONG,
 }
