@@ -2,6 +2,7 @@
 
 import json
 import logging
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -178,11 +179,36 @@ def test_frames_follow_one_another_where_they_are_asked_to():
     assert flesh.starts == []
 
 
-def test_a_killed_chunk_whose_frames_follow_one_another_begins_anew():
-    layers, wanted = [_Following("bones", ())], [_frame(1.0), _frame(2.0)]
-    first = simulate(wanted[:1], layers, follow=True)
-    simulate(wanted, layers, {"lift1.0": first.frames[0]}, follow=True)
-    assert len(layers[0].saw) == 3 and layers[0].starts == [("lift2.0", "lift1.0", ["bones"])]
+def test_frames_that_follow_one_another_are_kept_up_to_the_first_missing_one():
+    layers, wanted = [_Following("bones", ()), _Following("flesh", ())], [_frame(x) for x in (1.0, 2.0, 3.0)]
+    found = dict(
+        zip(("lift1.0", "lift2.0", "lift3.0"), simulate(wanted, layers, follow=True).frames, strict=True)
+    )
+    bones, flesh = layers
+
+    def again(*kept):
+        for layer in layers:
+            layer.starts.clear(), layer.saw.clear()
+        simulate(wanted, layers, {name: found[name] for name in kept}, follow=True)
+        return [(now, before) for now, before, _ in bones.starts]
+
+    assert again("lift1.0", "lift2.0") == [("lift3.0", "lift2.0")]
+    assert len(bones.saw) == 1 and len(flesh.saw) == 2  # flesh is in no file: made again for the frame before
+    assert flesh.starts[-1][-1] == ["bones", "flesh"]
+    assert again("lift1.0", "lift3.0") == [("lift2.0", "lift1.0"), ("lift3.0", "lift2.0")]
+    assert again("lift2.0", "lift3.0") == [("lift2.0", "lift1.0"), ("lift3.0", "lift2.0")]
+    assert again("lift1.0", "lift2.0", "lift3.0") == []
+
+
+def test_frames_follow_a_given_one_and_the_first_begins_alone_where_its_aids_fail():
+    bones, aid = _Following("bones", ()), _Picky("flesh", ())  # the aid fails in lift2.0
+    [before] = simulate([_frame(1.0)], [bones]).frames
+    simulate([_frame(3.0)], [bones, aid], follow=True, before=before)
+    assert [(now, then) for now, then, _ in bones.starts] == [("lift3.0", "lift1.0")]
+    bones.starts.clear()
+    [before] = simulate([_frame(2.0)], [bones]).frames
+    simulate([_frame(3.0)], [bones, aid], follow=True, before=before)
+    assert bones.starts == []
 
 
 def test_progress_is_logged(caplog):
@@ -229,8 +255,14 @@ def test_the_stage_simulates_frames_as_the_scene_asks(follow, tmp_path, monkeypa
     inputs = stage.Inputs(rig=tmp_path / "rig.h5", frames=tmp_path / "frames.csv", layers=[])
     scene = Scene(layers=("bones",), frames="frames.csv", follow=follow)
     output, partial = tmp_path / "frames-0.h5", tmp_path / "partial-0.h5"
-    stage.simulate(inputs, output, None, scene, 0, partial, {})
-    heights = [shapes["bones"]["body"].vertices[0, 2] for _, shapes in read_frames(output)]
-    assert heights == ([0.0, 1.0, 2.0] if follow else [0.0, 0.0, 0.0])
-    assert not partial.exists()
+
+    def heights(inputs):
+        stage.simulate(inputs, output, None, scene, 0, partial, {})
+        assert not partial.exists()
+        return [shapes["bones"]["body"].vertices[0, 2] for _, shapes in read_frames(output)]
+
+    assert heights(inputs) == ([0.0, 1.0, 2.0] if follow else [0.0, 0.0, 0.0])
     assert ("follow" in artifacts.read_attributes(output)["key"]) == follow
+    if follow:  # the next chunk goes on from the last frame of this one
+        output, before = tmp_path / "frames-1.h5", output
+        assert heights(replace(inputs, before=before)) == [3.0, 4.0, 5.0]

@@ -34,6 +34,21 @@ def test_shipped_motions_are_cut_into_chunks_of_their_frames(bench: Workbench) -
     assert len(of["simulate"]) == sum(-(-count // CHUNK[name]) for name, count in FRAMES.items())
 
 
+def test_a_chunk_goes_on_from_the_one_before_where_frames_follow_one_another(bench: Workbench) -> None:
+    """One job after another, in their order; without `follow` all of them can run at once."""
+    given = {"layers": ["bones"], "frames": "config/scenes/close-fist.csv", "chunk": 44}
+    for name, follow in (("chain", True), ("apart", False)):
+        bench.write(f"scenes/{name}", {**given, "follow": follow})
+        needs = bench.plan("phantom-hand-preview", scenes=[name]).needs
+        before = {
+            dict(job.wildcards)["chunk"]: [dict(n.wildcards)["chunk"] for n in those if n.rule == "simulate"]
+            for job, those in needs.items()
+            if job.rule == "simulate"
+        }
+        chain: dict[str, list[str]] = {"0": [], "1": ["0"], "2": ["1"]}
+        assert before == (chain if follow else dict.fromkeys(chain, []))
+
+
 def test_a_build_of_absent_recordings_alone_is_refused(bench: Workbench) -> None:
     with pytest.raises(WorkflowError, match="the recording of every scene is absent"):
         bench.plan("phantom-hand-preview", scenes=["absent"])

@@ -171,6 +171,14 @@ def scene_chunks(wildcards):
     return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
 
 
+def chunk_before(wildcards):
+    """The chunk whose last frame the first one follows, in scenes whose frames follow one another."""
+    number = int(wildcards.chunk)
+    if number == 0 or not scene(wildcards.scene).follow:
+        return []
+    return paths.at(paths.SCENE_CHUNK, **{**wildcards, "chunk": number - 1})
+
+
 def random_frames(wildcards):
     """The file of a scene's random poses; other scenes make no training set: their frames are alike."""
     described = described_frames(wildcards)

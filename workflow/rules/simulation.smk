@@ -1,4 +1,4 @@
-# Frames of a scene, layer by layer; frames do not depend on one another (Zheng 2022 §3).
+# Frames of a scene, layer by layer. Frames do not depend on one another (Zheng 2022 §3), but in scenes with `follow`.
 
 
 # Of scenes that describe a motion alone: keyframes, targets of inverse kinematics, tracked points.
@@ -32,6 +32,7 @@ rule simulate:
         rig=paths.RIG,
         frames=frames_file,
         layers=simulated_files,
+        before=chunk_before,
     output:
         paths.SCENE_CHUNK,
     log:

@@ -111,6 +111,7 @@ def simulate(
     done: Mapping[str, SimulatedFrame] | None = None,
     keep: Callable[[Simulated], None] | None = None,
     follow: bool = False,
+    before: SimulatedFrame | None = None,
 ) -> Simulated:
     """Simulate all frames; failed frames are absent from the result and named in its failures.
 
@@ -126,23 +127,31 @@ def simulate(
         Called after each frame with the result so far, so that a killed run can be resumed.
     follow : bool
         Start each frame from the last one that was simulated, where a layer can, and from its own start where
-        that fails. Then a frame depends on those before it: `done` is left aside.
+        that fails. Then a frame depends on those before it: `done` counts up to the first frame that is not
+        in it.
+    before : SimulatedFrame, optional
+        The frame from which the first one starts, if they follow one another.
 
     Returns
     -------
     Simulated
         Finished frames and failures.
     """
-    frames, done = list(frames), {} if follow else done or {}
-    found, before = Simulated(), None
+    frames, done, found = list(frames), done or {}, Simulated()
     start = time.perf_counter()
     for count, frame in enumerate(frames, start=1):
-        result = done.get(frame.name) or _attempt(frame, layers, before)
+        known = done.get(frame.name)
+        if known is None:
+            if follow:
+                done, before = {}, _with_aids(before, layers)
+            result = _attempt(frame, layers, before if follow else None)
+        else:
+            result = known
         if isinstance(result, Failure):
             found.failures.append(result)
         else:
             found.frames.append((frame, _organs(result[1])))
-            before = result if follow else None
+            before = result
         if keep is not None:
             keep(found)
         elapsed = time.perf_counter() - start
@@ -194,6 +203,20 @@ def _after(
     except ConvergenceError as error:
         log.info("frame %s: %s; again from its own start", frame.name, error)
         return None
+
+
+def _with_aids(before: SimulatedFrame | None, layers: Sequence[Layer]) -> SimulatedFrame | None:
+    """A frame with the layers that its file leaves out, being no organs; None where one of them fails."""
+    if before is None:
+        return None
+    frame, shapes = before[0], dict(before[1])
+    try:
+        for layer in layers:
+            _solve(frame, layer, shapes)
+    except ConvergenceError as error:
+        log.info("frame %s: %s; the next one begins from its own start", frame.name, error)
+        return None
+    return frame, shapes
 
 
 def _require_rigid(frame: Frame) -> None:

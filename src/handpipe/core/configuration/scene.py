@@ -50,8 +50,8 @@ class Scene(Model):
     chunk: int = Field(4, ge=1, description="frames in one job")
     follow: bool = Field(
         False,
-        description="start each frame of a job from the one before: about half the time; frames then depend "
-        "on those before, and a killed job begins anew",
+        description="start each frame from the one before: about half the time; frames then depend on those "
+        "before, and the jobs run one after another",
     )
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
     rigged: bool = Field(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core.configuration import Dataset, Scene
-from handpipe.hand import Simulated, finished_frames, key_of, load_layers, write_frames
+from handpipe.hand import Simulated, finished_frames, key_of, load_layers, read_simulated, write_frames
 from handpipe.hand import simulate as simulate_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.driven_frames import driven_frames
@@ -26,6 +26,7 @@ class Inputs(Files):
     rig: Path
     frames: Path
     layers: Sequence[Path]
+    before: Path | None = None
 
 
 def simulate(
@@ -40,7 +41,7 @@ def simulate(
     """One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
 
     partial: finished frames of a killed job, or of one with failed frames; they are not made again where
-    layers and `made_of` are the same, unless each frame is to start from the one before.
+    layers and `made_of` are the same. Where frames follow one another, those after a missing one are.
     """
     rig = Rig.load(inputs.rig)
     wanted = driven_frames(inputs.frames, rig, dataset, scene, chunk)
@@ -51,7 +52,8 @@ def simulate(
         asked["muscle_barrier"] = "true"
     if scene.follow:
         asked["follow"] = "true"
-    key = key_of([inputs.rig, *inputs.layers], {**made_of, **asked})
+    made_from = [path for path in (inputs.rig, *inputs.layers, inputs.before) if path is not None]
+    key = key_of(made_from, {**made_of, **asked})
 
     def keep(found: Simulated) -> None:
         """Finished frames beside the output, but for the last frame: the output follows."""
@@ -59,8 +61,8 @@ def simulate(
             write_frames(partial, found.frames, key=key)
 
     done = finished_frames(partial, key, wanted)
-    # A chunk whose frames follow one another begins anew if it is killed: none is kept.
-    found = simulate_frames(wanted, layers, done, None if scene.follow else keep, scene.follow)
+    earlier = [] if inputs.before is None else read_simulated(inputs.before)[0]
+    found = simulate_frames(wanted, layers, done, keep, scene.follow, earlier[-1] if earlier else None)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
     partial.unlink(missing_ok=True)
     for failure in found.failures:
