@@ -158,3 +158,29 @@ def test_triangles_without_area_leave_the_sides_of_a_box_as_they_are(first: bool
     expected = np.where(within, np.abs(points).max(axis=1) - 0.5, outside)
     assert surface.is_closed() and len(lines) > 5 and 100 < within.sum() < 2500
     np.testing.assert_allclose(Distance(surface).signed(points)[0], expected, atol=1e-12)
+
+
+def test_ways_out_are_those_of_trimesh_and_end_where_they_leave():
+    """A wavy ball, from inside and outside: of all hits of a ray, the first one out of it."""
+    shape = sphere(10, 4)
+    waves = 1 + 0.3 * np.sin(shape.vertices[:, :1]) * np.cos(1.3 * shape.vertices[:, 1:2])
+    shape = shape.moved(shape.vertices * waves)
+    random = np.random.default_rng(5)
+    points, directions = random.normal(size=(500, 3)) * 6, random.normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    mesh = trimesh.Trimesh(shape.vertices, shape.triangles, process=False)
+    hits, rays, faces = mesh.ray.intersects_location(points, directions)
+    leaves = np.einsum("ni,ni->n", mesh.face_normals[faces], directions[rays]) > 0
+    expected = np.full(len(points), np.inf)
+    np.minimum.at(expected, rays[leaves], np.linalg.norm(hits - points[rays], axis=1)[leaves])
+    expected[expected > 12.0] = np.inf
+    lengths, triangles, places, normals = Distance(shape).ways_out(points, directions, 12.0)
+    np.testing.assert_allclose(lengths, expected, atol=1e-7)
+    out = np.isfinite(lengths)
+    assert 100 < out.sum() < 490
+    np.testing.assert_allclose(places[out], points[out] + lengths[out, None] * directions[out], atol=1e-9)
+    np.testing.assert_array_equal(places[~out], points[~out])
+    np.testing.assert_array_equal(normals[~out], directions[~out])
+    np.testing.assert_array_equal(triangles >= 0, out)
+    facets = mesh.face_normals[triangles[out]]
+    assert np.einsum("ni,ni->n", normals[out], facets).min() > 0.6

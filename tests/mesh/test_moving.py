@@ -35,6 +35,11 @@ def _agree(found, expected, points):
         np.testing.assert_allclose(np.einsum("nc,nci->ni", weights, corners), closest, atol=1e-9)
     np.testing.assert_allclose(found.closest(points)[0], expected.closest(points)[0], atol=1e-9)
     np.testing.assert_allclose(found.depths(points), expected.depths(points), atol=1e-9)
+    ways = np.roll(points, 1, axis=0) / np.linalg.norm(np.roll(points, 1, axis=0), axis=1, keepdims=True)
+    for ours, theirs in zip(
+        found.ways_out(points, ways, 9.0), expected.ways_out(points, ways, 9.0), strict=True
+    ):
+        np.testing.assert_allclose(ours, theirs, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

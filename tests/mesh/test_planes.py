@@ -32,6 +32,30 @@ def test_a_point_beyond_the_middle_comes_out_on_its_own_side():
     assert np.einsum("ni,ni->n", places, sides).min() > 1.5
 
 
+def test_a_plane_turns_without_a_jump_as_a_point_moves_through_a_thin_body():
+    """Along a line through a tube the far side comes nearest: the plane must not leap to the near one."""
+    tube = sphere(1.0, 5)
+    tube = Distance(tube.moved(tube.vertices * [1.0, 1.0, 10.0]))
+    way = np.column_stack([np.full(4001, 0.2), np.linspace(0.97, -0.6, 4001), np.linspace(0, 0.3, 4001)])
+    for tilt in np.radians([0.0, 40.0, 80.0]):  # of the point's own side from the surface's normal
+        sides = np.tile([np.sin(tilt), np.cos(tilt), 0.0], (len(way), 1))
+        places, normals = touching_planes(way, sides, np.zeros(len(way), int), {0: tube})
+        depths = np.einsum("ni,ni->n", places - way, normals)
+        assert np.abs(np.diff(depths)).max() < 0.05
+        assert np.einsum("ni,ni->n", normals[1:], normals[:-1]).min() > np.cos(np.radians(4.0))
+        assert np.einsum("ni,ni->n", normals, sides).min() > 0.1
+
+
+def test_a_point_that_passes_into_a_body_at_a_grazing_side_keeps_its_plane():
+    sides = np.array([[1.0, 0.0, 0.0]] * 2)
+    angle = np.radians(75.0)  # between its side and the surface's normal
+    out = np.array([np.cos(angle), np.sin(angle), 0.0])
+    points = np.array([2.01 * out, 1.99 * out])
+    places, normals = touching_planes(points, sides, np.zeros(2, int), {0: AT_BALL})
+    assert normals[0] @ normals[1] > np.cos(np.radians(2.0))
+    assert np.linalg.norm(places[0] - places[1]) < 0.1
+
+
 def test_bodies_are_told_apart():
     other = BALL.moved(BALL.vertices + [10.0, 0, 0])
     sides = _directions(40)

@@ -32,6 +32,24 @@ def test_a_vertex_is_pushed_back_to_the_side_that_it_came_from():
         np.testing.assert_allclose(found.gaps[inside], heights - 1.0, atol=1e-9)
 
 
+def test_no_pair_comes_or_goes_while_a_ball_sinks_through_the_middle_of_a_sheet():
+    """Its deepest vertex is pushed back as far as it is deep, also where the sheet's far side is nearer."""
+    ball = sphere(5.0, 4)
+    lowest = int(ball.vertices[:, 2].argmin())
+    for depth in np.arange(0.1, 1.9, 0.01):
+        found = pairs(ball.moved(ball.vertices + [0, 0, 6.0 - depth]), Distance(SHEET), 0.3)
+        [at] = np.flatnonzero(found.vertices == lowest)
+        np.testing.assert_allclose(found.gaps[at], -depth, atol=1e-6)
+        np.testing.assert_allclose(found.normals[at], [0, 0, 1.0], atol=1e-6)
+
+
+def test_a_vertex_that_finds_no_way_back_is_left_free():
+    """A ball that has sunk 11 mm into a block of 12 mm: its lowest vertices are nearer to the bottom."""
+    block, ball = box((40.0, 40.0, 12.0), (0.0, 0.0, 0.0), 4.0), sphere(5.0, 3)
+    found = pairs(ball, Distance(block), 0.3)
+    assert not np.isin(np.flatnonzero(ball.vertices[:, 2] < -1.0), found.vertices).any()
+
+
 def test_held_vertices_and_far_ones_are_left_out():
     block = box((4.0, 4.0, 4.0), (0.0, 0.0, 3.2))
     found = pairs(block, Distance(SHEET), 1.0)

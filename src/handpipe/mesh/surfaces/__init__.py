@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     )
     from handpipe.mesh.surfaces.hull import convex_hull
     from handpipe.mesh.surfaces.moving import BodyDistances, same_values
-    from handpipe.mesh.surfaces.planes import astray, touching_planes
+    from handpipe.mesh.surfaces.planes import WaysBack, astray, touching_planes
     from handpipe.mesh.surfaces.scan import read_scan
     from handpipe.mesh.surfaces.smoothing import averaging, delta_mush, taubin
     from handpipe.mesh.surfaces.surface import (
@@ -52,6 +52,7 @@ __all__ = [
     "Surface",
     "about",
     "arclength",
+    "WaysBack",
     "astray",
     "averaging",
     "barycentric_matrix",

@@ -8,7 +8,7 @@ from numba import njit
 from handpipe.core import Array, BoolArray, IntArray
 from handpipe.mesh.surfaces.barycentric import barycentric_matrix, flat
 from handpipe.mesh.surfaces.surface import Surface, sums_at
-from handpipe.mesh.surfaces.triangle_tree import boxes_of, closest_places
+from handpipe.mesh.surfaces.triangle_tree import boxes_of, closest_places, ways_out
 
 ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
 FACE, EDGE, VERTEX = 0, 1, 2  # where in a triangle a place lies
@@ -103,6 +103,38 @@ class Distance:
         signed, triangles, closest, _ = self.signed(points)
         feet = barycentric_matrix(closest, self.surface.triangles[triangles], self.surface.vertices)
         return signed, triangles, closest, self.surface.smooth_normals(feet)
+
+    def ways_out(self, points: Array, directions: Array, most: float) -> tuple[Array, IntArray, Array, Array]:
+        """Where points leave the surface in given directions.
+
+        Parameters
+        ----------
+        points, directions : array (n, 3)
+            Points in mm; unit vectors.
+        most : float
+            Length in mm of a way, at most.
+
+        Returns
+        -------
+        lengths : array (n,)
+            Ways in mm; infinite where none leads out.
+        triangles : array (n,) of int
+            Triangles in which they end; -1 where none leads out.
+        places : array (n, 3)
+            Where they end; the point itself where none leads out.
+        normals : array (n, 3)
+            Unit normals there, interpolated between those of the vertices; the direction where none leads
+            out.
+        """
+        surface = self.surface
+        starts, along = (np.ascontiguousarray(a, dtype=np.float64) for a in (points, directions))
+        lengths, triangles = ways_out(starts, along, most, surface.vertices, surface.triangles, self._tree)
+        out = np.flatnonzero(triangles >= 0)
+        places, normals = starts.copy(), along.copy()
+        places[out] += lengths[out, None] * along[out]
+        feet = barycentric_matrix(places[out], surface.triangles[triangles[out]], surface.vertices)
+        normals[out] = surface.smooth_normals(feet)
+        return lengths, triangles, places, normals
 
     def depths(self, points: Array) -> Array:
         """Depths (n,) in mm of points (n, 3) inside the surface, which may cut itself; 0 outside."""

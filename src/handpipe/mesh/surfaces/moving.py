@@ -44,6 +44,11 @@ class RigidDistance(Distance):
         """As `signed`, with normals interpolated between those of the vertices."""
         return self._forth(self._rest.smooth(self._back(_rows(points))))
 
+    def ways_out(self, points: Array, directions: Array, most: float) -> tuple[Array, IntArray, Array, Array]:
+        """Where points leave the surface in given directions, as `Distance.ways_out`."""
+        along = _rows(directions) @ self._motion.rotation
+        return self._forth(self._rest.ways_out(self._back(_rows(points)), along, most))
+
     def depths(self, points: Array) -> Array:
         """Depths (n,) in mm of points (n, 3) inside the surface, which may cut itself; 0 outside."""
         return self._rest.depths(self._back(_rows(points)))

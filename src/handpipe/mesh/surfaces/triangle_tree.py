@@ -1,4 +1,4 @@
-"""Trees of boxes around triangles, which find the closest places on a surface.
+"""Trees of boxes around triangles, which find the closest places on a surface, and where rays leave it.
 
 The order of triangles in a tree is found once for all shapes of a surface; for each shape only the boxes are
 computed. Results do not depend on that order: the closest triangle is the one of least distance as computed,
@@ -15,6 +15,8 @@ from handpipe.core import Array, BoolArray, IntArray
 LEAF = 4  # triangles in a leaf, at most
 DEPTH = 64  # of a tree, at most: each level halves the number of triangles
 ROUNDING = 1e-12  # of a squared distance: boxes that are no nearer are not opened
+BEHIND = 1e-9  # mm before its start where a ray may meet a triangle: starts on it count
+BESIDE = 1e-9  # of a triangle's barycentric coordinates: no ray slips between two triangles
 
 
 @njit(cache=True)
@@ -180,3 +182,75 @@ def _closest_in(
         y = ay + uy * second + vy * third
         z = az + uz * second + vz * third
     return (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2, x, y, z
+
+
+@njit(cache=True)
+def ways_out(
+    starts: Array,
+    directions: Array,
+    most: float,
+    vertices: Array,
+    corners: IntArray,
+    tree: tuple[IntArray, IntArray, Array],
+) -> tuple[Array, IntArray]:
+    """Lengths (n,) of rays to where they first leave a surface, and the triangles (n,) there.
+
+    starts, directions: (n, 3), the directions with unit length; most: length of a ray; tree: order, nodes and
+    boxes. A ray leaves where it meets a triangle from behind. The length is infinite, and the triangle -1, of
+    one that does not.
+    """
+    order, nodes, boxes = tree
+    lengths, triangles = np.full(len(starts), most), np.full(len(starts), -1)
+    stack = np.empty(DEPTH, dtype=np.int64)
+    for i in range(len(starts)):
+        stack[0], waiting = 0, 1
+        while waiting > 0:
+            waiting -= 1
+            node = stack[waiting]
+            if not _meets(starts[i], directions[i], boxes[node], lengths[i]):
+                continue
+            second = nodes[node, 0]
+            if second >= 0:
+                stack[waiting], stack[waiting + 1] = second, node + 1
+                waiting += 2
+                continue
+            for at in range(nodes[node, 1], nodes[node, 2]):
+                t = order[at]
+                length = _length_out(starts[i], directions[i], vertices, corners[t])
+                if length < lengths[i]:
+                    lengths[i], triangles[i] = length, t
+        if triangles[i] < 0:
+            lengths[i] = np.inf
+    return lengths, triangles
+
+
+@njit(cache=True)
+def _meets(start: Array, direction: Array, box: Array, most: float) -> bool:
+    """Whether a ray meets a box (6,) before a length."""
+    first, last = -BEHIND, most
+    for k in range(3):
+        if direction[k] == 0.0:
+            if start[k] < box[k] or start[k] > box[3 + k]:
+                return False
+            continue
+        a, b = (box[k] - start[k]) / direction[k], (box[3 + k] - start[k]) / direction[k]
+        first, last = max(first, min(a, b) - BEHIND), min(last, max(a, b) + BEHIND)
+    return first <= last
+
+
+@njit(cache=True)
+def _length_out(start: Array, direction: Array, vertices: Array, corners: IntArray) -> float:
+    """Length of a ray to a triangle that it meets from behind; else infinite (Moeller and Trumbore 1997)."""
+    a = vertices[corners[0]]
+    u, v, w = vertices[corners[1]] - a, vertices[corners[2]] - a, start - a
+    p = np.cross(direction, v)
+    det = np.dot(u, p)
+    if det >= 0.0:  # it meets the front, or passes along
+        return np.inf
+    second = np.dot(w, p) / det
+    q = np.cross(w, u)
+    third = np.dot(direction, q) / det
+    if second < -BESIDE or third < -BESIDE or second + third > 1.0 + BESIDE:
+        return np.inf
+    length = np.dot(v, q) / det
+    return length if length >= -BEHIND else np.inf

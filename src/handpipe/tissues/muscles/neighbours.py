@@ -10,7 +10,7 @@ from scipy import sparse
 
 from handpipe.core import Array, IntArray
 from handpipe.mesh.contact import distance_to
-from handpipe.mesh.surfaces import Distance, Surface, about, barycentric_matrix
+from handpipe.mesh.surfaces import Distance, Surface, WaysBack, about, barycentric_matrix
 
 Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 
@@ -65,19 +65,33 @@ class SurfacePairs:
 def pairs(a: Surface, b: Distance, near: float) -> SurfacePairs:
     """Vertices of a closer than `near` mm to a surface b or inside of it.
 
-    Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
-    vertex through. Such a vertex is left free. Normals are smooth: with those of facets, a slender muscle
-    that slides from one facet to the next oscillates without end.
+    Inside a thin body the closest place may be on the far side, which a's surface does not face: it would
+    pull the vertex through. Such a vertex has the place where the way back, against a's normal, leaves the
+    body, and is left free if none does within 4 mm; between both, a mean of both places: pairs that come and
+    go as a muscle slides move it to and fro without end. Normals are smooth: with those of facets, a slender
+    muscle that slides from one facet to the next oscillates, too.
     """
     ids, other = about(a.vertices, b.surface, near), b.surface
     if len(ids) == 0:
         nothing = sparse.csr_matrix((0, len(other.vertices)))
         return SurfacePairs(ids, nothing, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
-    gap, triangles, closest, normals = b.signed(a.vertices[ids])
-    astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
-    chosen = np.flatnonzero((gap < near) & ~astray)
-    feet = barycentric_matrix(closest[chosen], other.triangles[triangles[chosen]], other.vertices)
-    return SurfacePairs(ids[chosen], feet, other.smooth_normals(feet), gap[chosen], np.zeros(len(chosen)))
+    gap, triangles, closest, _ = b.signed(a.vertices[ids])
+    close = np.flatnonzero(gap < near)
+    ids, gap = ids[close], gap[close]
+    feet = barycentric_matrix(closest[close], other.triangles[triangles[close]], other.vertices)
+    points, sides, normals = a.vertices[ids], -a.vertex_normals()[ids], other.smooth_normals(feet)
+    back = WaysBack.of(b, points, gap, normals, sides)
+    led, facing = back.triangles >= 0, np.einsum("ni,ni->n", normals, sides) > 0
+    lost, share, ends = back.points[led], back.share[led], back.triangles[led]
+    shares = np.ones(len(ids))
+    shares[lost] = share
+    ways = barycentric_matrix(back.places[led], other.triangles[ends], other.vertices)
+    to_lost = sparse.csr_matrix((1 - share, (lost, np.arange(len(lost)))), shape=(len(ids), len(lost)))
+    feet = (sparse.diags(shares) @ feet + to_lost @ ways).tocsr()
+    normals[lost] = back.normals[led]
+    gap[lost] = np.einsum("ni,ni->n", points[lost] - feet[lost] @ other.vertices, normals[lost])
+    chosen = np.setdiff1d(np.arange(len(ids)), back.points[~led & ~facing[back.points]])
+    return SurfacePairs(ids[chosen], feet[chosen], normals[chosen], gap[chosen], np.zeros(len(chosen)))
 
 
 def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:
