@@ -1,4 +1,4 @@
-# Frames of a scene, layer by layer. Frames do not depend on one another (Zheng 2022 §3), but in scenes with `follow`.
+# Frames of a scene, layer by layer. Frames are independent (Zheng 2022 §3), except in scenes with `follow`.
 
 
 # Of scenes that describe a motion alone: keyframes, targets of inverse kinematics, tracked points.

@@ -140,13 +140,11 @@ def simulate(
     frames, done, found = list(frames), done or {}, Simulated()
     start = time.perf_counter()
     for count, frame in enumerate(frames, start=1):
-        known = done.get(frame.name)
-        if known is None:
+        result: SimulatedFrame | Failure | None = done.get(frame.name)
+        if result is None:
             if follow:
                 done, before = {}, _with_aids(before, layers)
             result = _attempt(frame, layers, before if follow else None)
-        else:
-            result = known
         if isinstance(result, Failure):
             found.failures.append(result)
         else:
@@ -206,7 +204,7 @@ def _after(
 
 
 def _with_aids(before: SimulatedFrame | None, layers: Sequence[Layer]) -> SimulatedFrame | None:
-    """A frame with the layers that its file leaves out, being no organs; None where one of them fails."""
+    """A frame with the layers that files of frames leave out; None where one of them has no equilibrium."""
     if before is None:
         return None
     frame, shapes = before[0], dict(before[1])
@@ -214,7 +212,7 @@ def _with_aids(before: SimulatedFrame | None, layers: Sequence[Layer]) -> Simula
         for layer in layers:
             _solve(frame, layer, shapes)
     except ConvergenceError as error:
-        log.info("frame %s: %s; the next one begins from its own start", frame.name, error)
+        log.info("frame %s: %s; the next frame starts from its own initial guess", frame.name, error)
         return None
     return frame, shapes
 

@@ -1,11 +1,13 @@
 """One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
 
 Finished frames of a killed job, or of one with failed frames, are beside the output and are not made again.
+They are written now and then: a file of twenty frames takes as long as a frame.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +19,8 @@ from handpipe.skeleton.rig import Rig
 from handpipe.stages.driven_frames import driven_frames
 from handpipe.stages.files import Files
 from handpipe.tissues.muscles import MuscleLayer
+
+WAIT = 10.0  # times as long as the last writing of finished frames took, at least, until the next one
 
 
 @dataclass(frozen=True)
@@ -54,16 +58,30 @@ def simulate(
         asked["follow"] = "true"
     made_from = [path for path in (inputs.rig, *inputs.layers, inputs.before) if path is not None]
     key = key_of(made_from, {**made_of, **asked})
-
-    def keep(found: Simulated) -> None:
-        """Finished frames beside the output, but for the last frame: the output follows."""
-        if len(found.frames) + len(found.failures) < len(wanted):
-            write_frames(partial, found.frames, key=key)
-
+    kept = _FinishedFrames(partial, key, len(wanted))
     done = finished_frames(partial, key, wanted)
     earlier = [] if inputs.before is None else read_simulated(inputs.before)[0]
-    found = simulate_frames(wanted, layers, done, keep, scene.follow, earlier[-1] if earlier else None)
+    found = simulate_frames(wanted, layers, done, kept.keep, scene.follow, earlier[-1] if earlier else None)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
     partial.unlink(missing_ok=True)
     for failure in found.failures:
         print(f"handpipe: simulate: {failure}", file=sys.stderr)
+
+
+@dataclass
+class _FinishedFrames:
+    """The file of finished frames of a job of `count` frames, and when to write it again."""
+
+    path: Path
+    key: str
+    count: int
+    due: float = 0.0
+
+    def keep(self, found: Simulated) -> None:
+        """Write the frames if it is time, but for the last frame: the output follows."""
+        start = time.perf_counter()
+        if start < self.due or len(found.frames) + len(found.failures) == self.count:
+            return
+        write_frames(self.path, found.frames, key=self.key)
+        end = time.perf_counter()
+        self.due = end + WAIT * (end - start)

@@ -81,7 +81,7 @@ def pairs(a: Surface, b: Distance, near: float) -> SurfacePairs:
     feet = barycentric_matrix(closest[close], other.triangles[triangles[close]], other.vertices)
     points, sides, normals = a.vertices[ids], -a.vertex_normals()[ids], other.smooth_normals(feet)
     back = WaysBack.of(b, points, gap, normals, sides)
-    led, facing = back.triangles >= 0, np.einsum("ni,ni->n", normals, sides) > 0
+    led = back.triangles >= 0
     lost, share, ends = back.points[led], back.share[led], back.triangles[led]
     shares = np.ones(len(ids))
     shares[lost] = share
@@ -90,7 +90,7 @@ def pairs(a: Surface, b: Distance, near: float) -> SurfacePairs:
     feet = (sparse.diags(shares) @ feet + to_lost @ ways).tocsr()
     normals[lost] = back.normals[led]
     gap[lost] = np.einsum("ni,ni->n", points[lost] - feet[lost] @ other.vertices, normals[lost])
-    chosen = np.setdiff1d(np.arange(len(ids)), back.points[~led & ~facing[back.points]])
+    chosen = np.setdiff1d(np.arange(len(ids)), back.points[~led & (back.share == 0)])
     return SurfacePairs(ids[chosen], feet[chosen], normals[chosen], gap[chosen], np.zeros(len(chosen)))
 
 
