@@ -211,6 +211,7 @@ CHANGES = [
     *_changes(
         "tracked",
         {
+            "viscosity": (0.04, "simulate"),
             "recording.side": ("left", "expand_motion"),
             "recording.rate": (40, "expand_motion"),
             "recording.start": (0.05, "expand_motion"),
@@ -270,9 +271,10 @@ KINDS = {
 }  # of schemas; of the others: dataset
 SCENES = {"scene": "flexion", "tracked": "waves", "learned": "learned"}  # files of scenes, by `Change.where`
 TRACKED = {
-    "layers": ["bones"],
+    "layers": ["bones", "skin"],
     "frames": "waves.csv",
     "chunk": 4,
+    "follow": True,
     "recording": {"side": "right", "rate": 50, "count": 8},
 }
 LEARNED = {

@@ -140,6 +140,12 @@ def test_scene_needs_exactly_what_its_layers_stand_on():
     with pytest.raises(ValueError, match="muscle_barrier: needs muscles"):
         Scene(layers=("bones", "skin"), frames="x.csv", muscle_barrier=True)
     assert Scene(layers=("muscles",), frames="x.csv", muscle_barrier=True).muscle_barrier
+    with pytest.raises(ValueError, match="viscosity: counts from frame to frame"):
+        Scene(layers=("fat",), frames="x.csv", viscosity=0.04)
+    with pytest.raises(ValueError, match="equilibria: a viscous tissue is at none"):
+        Scene(layers=("fat",), frames="x.csv", viscosity=0.04, follow=True, equilibria=True)
+    with pytest.raises(ValueError, match="viscosity: needs fat or skin"):
+        Scene(layers=("muscles",), frames="x.csv", viscosity=0.04, follow=True)
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
     assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "muscles"]
     assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)

@@ -234,13 +234,17 @@ def test_the_stage_simulates_frames_as_the_scene_asks(follow, tmp_path, monkeypa
     """A layer that is 1 mm higher than in the frame before: from its own start it is at zero."""
 
     class Rising:
-        name, needs = "bones", ()
+        name, needs, step = "bones", (), 1.0
+
+        def viscous(self, retardation):
+            self.step = 1.0 - retardation
+            return self
 
         def solve(self, frame, below):
             return self._at(0.0)
 
         def solve_after(self, before, frame, below):
-            return self._at(before[1]["bones"]["body"].vertices[0, 2] + 1.0)
+            return self._at(before[1]["bones"]["body"].vertices[0, 2] + self.step)
 
         def _at(self, height):
             point = np.array([[0.0, 0.0, height]])
@@ -263,6 +267,13 @@ def test_the_stage_simulates_frames_as_the_scene_asks(follow, tmp_path, monkeypa
 
     assert heights(inputs) == ([0.0, 1.0, 2.0] if follow else [0.0, 0.0, 0.0])
     assert ("follow" in artifacts.read_attributes(output)["key"]) == follow
+    if follow:  # a viscous tissue rises by half of the way, and is made anew where its viscosity is another
+        scene = scene.model_copy(update={"viscosity": 0.5 / 24})
+        monkeypatch.setattr(stage, "TissueLayer", Rising)
+        assert heights(inputs) == [0.0, 0.5, 1.0]
+        assert json.loads(artifacts.read_attributes(output)["key"])["viscosity"] == str(0.5 / 24)
+        scene = scene.model_copy(update={"viscosity": 0.0})
+        assert heights(inputs) == [0.0, 1.0, 2.0]
     if follow:  # the next chunk goes on from the last frame of this one
         output, before = tmp_path / "frames-1.h5", output
         assert heights(replace(inputs, before=before)) == [3.0, 4.0, 5.0]

@@ -46,7 +46,9 @@ rule simulate:
     params:
         partial=lambda w, output: str(paths.partial_chunk(output[0])),
         dataset=of_layers(lambda w: scene(w.scene).needed, "hand"),
-        scene=reads_scene("layers", "bones", "chunk", "muscle_barrier", "follow"),
+        scene=reads_scene(
+            "layers", "bones", "chunk", "muscle_barrier", "follow", "viscosity"
+        ),
     message:
         "{wildcards.subject}: {wildcards.scene}, frames of chunk {wildcards.chunk}"
     script:

@@ -180,6 +180,28 @@ def test_after_another_frame_it_starts_from_there(monkeypatch):
     ] == [2, 0]
 
 
+@pytest.mark.parametrize("ratio", [0.5, 2.0])
+def test_a_viscous_tissue_comes_to_rest_over_the_frames_of_a_pose_that_is_held(ratio):
+    """From a tissue that strains drew aside: what is left of their shift falls by r / (1 + r) a frame.
+
+    The springs that hold it are not viscous; in the first frame they take more.
+    """
+    tissue, frame = limb(Region.fixed), Frame("held", {}, REST)
+    drawn = np.tile([1.02, 0.0, 0.0, 1.0, 0.0, 1.0], (len(tissue.mesh.tets), 1))
+    resting = TissueLayer("fat", tissue)
+    settled = resting.solve(frame, below())
+    x = tissue.solve(below(), resting.rigid(REST), drawn, tissue.mesh.vertices).x
+    layer, left = resting.viscous(ratio), []
+    for _ in range(4):
+        mesh = Shape(tissue.mesh.vertices, x, tissue.mesh.tets)
+        left.append(np.linalg.norm(x - settled["fat_mesh"].vertices))
+        shapes = layer.solve_after((frame, {**below(), "fat": {"fat_mesh": mesh}}), frame, below())
+        x = shapes["fat_mesh"].vertices
+    np.testing.assert_allclose(np.divide(left[2:], left[1:-1]), ratio / (1 + ratio), rtol=0.04)
+    alone = layer.solve(frame, below())["fat_mesh"].vertices  # without a frame before there is no step
+    np.testing.assert_array_equal(alone, settled["fat_mesh"].vertices)
+
+
 @pytest.mark.parametrize("bare", [{}, {"nails": {}}, {"shifts": None}])
 def test_strains_survive_their_artifact(tmp_path, bare):
     strains = replace(_strains(limb(Region.fixed)), **bare)

@@ -53,6 +53,12 @@ class Scene(Model):
         description="start each frame from the one before: about half the time; frames then depend on those "
         "before, and the jobs run one after another",
     )
+    viscosity: float = Field(
+        0.0,
+        ge=0,
+        description="s; retardation time of fat and skin in frames that `follow` one another, 24 a second: "
+        "folds then give way over some frames instead of within one",
+    )
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
@@ -105,6 +111,8 @@ class Scene(Model):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
         if self.level in WITHOUT_TETS and self.follow:
             raise ValueError(f"follow: frames of level {self.level} do not start from others")
+        if self.viscosity and not self.follow:
+            raise ValueError("viscosity: counts from frame to frame, with `follow: true` alone")
         if self.level != "full" and self.deviations:
             raise ValueError(f"level: {self.level} has errors of its own: deviations are of `full` alone")
         if self.level == "L3" and self.equilibria:
@@ -138,6 +146,10 @@ class Scene(Model):
             raise ValueError("delta_mush: smooths what carries the scan: add `scan: true`")
         if self.muscle_barrier and "muscles" not in self.needed:
             raise ValueError("muscle_barrier: needs muscles among the layers: it keeps these alone apart")
+        if self.viscosity and not {"fat", "skin"} & set(self.needed):
+            raise ValueError("viscosity: needs fat or skin among the layers: it is theirs")
+        if self.equilibria and self.viscosity:
+            raise ValueError("equilibria: a viscous tissue is at none while it moves: leave out `viscosity`")
         if self.equilibria and not {"fat", "skin"} & set(self.needed):
             raise ValueError("equilibria: need fat or skin among the layers: they are sought for these alone")
         return self

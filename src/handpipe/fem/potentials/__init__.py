@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from handpipe.fem.potentials.potential import Potential, Sum
     from handpipe.fem.potentials.pull import Pull
     from handpipe.fem.potentials.strain_derivatives import strain_gradient
+    from handpipe.fem.potentials.viscosity import Viscosity
 else:
     __getattr__ = face(__name__)
 
@@ -23,6 +24,7 @@ __all__ = [
     "Potential",
     "Pull",
     "Sum",
+    "Viscosity",
     "mass_matrix",
     "shape_gradients",
     "strain_gradient",

@@ -83,6 +83,22 @@ class Elastic:
         other._set_strains(strains)
         return other
 
+    def resting(self, x: Array, share: float) -> Elastic:
+        """A body of a share of the stiffness that rests in positions x (n, 3), without plastic strains.
+
+        Raises
+        ------
+        InputError
+            If a tet has no positive volume there.
+        """
+        other = copy.copy(self)
+        other.vertices = np.ascontiguousarray(x, dtype=float)
+        other.rest_gradients, other.volumes = shape_gradients(other.vertices, self.tets)
+        other.weights = share * self.weights * self.volumes / other.volumes  # as much material as before
+        other.tangles = Tangles(other.vertices, self.tets)
+        other._set_strains(plasticity.identity(len(self.tets)))
+        return other
+
     def compressible(self, poisson: float = 0.3) -> Elastic:
         """The same body with Poisson's ratios above `poisson` lowered to it at equal shear stiffness."""
         other = copy.copy(self)

@@ -15,9 +15,11 @@ from pathlib import Path
 from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import Simulated, finished_frames, key_of, load_layers, read_simulated, write_frames
 from handpipe.hand import simulate as simulate_frames
+from handpipe.skeleton.motion import RATE
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.driven_frames import driven_frames
 from handpipe.stages.files import Files
+from handpipe.tissues.fat import TissueLayer
 from handpipe.tissues.muscles import MuscleLayer
 
 WAIT = 10.0  # times as long as the last writing of finished frames took, at least, until the next one
@@ -56,6 +58,9 @@ def simulate(
         asked["muscle_barrier"] = "true"
     if scene.follow:
         asked["follow"] = "true"
+    if scene.viscosity:
+        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, TissueLayer) else x for x in layers]
+        asked["viscosity"] = str(scene.viscosity)
     made_from = [path for path in (inputs.rig, *inputs.layers, inputs.before) if path is not None]
     key = key_of(made_from, {**made_of, **asked})
     kept = _FinishedFrames(partial, key, len(wanted))

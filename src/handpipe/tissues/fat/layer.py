@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -116,12 +117,22 @@ class TissueLayer:
     """
 
     pace = PACE
+    retardation = 0.0  # of the tissue in frames that follow one another, over the time between two frames
 
     def __init__(
         self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
     ) -> None:
         self.name, self.tissue, self.strains, self.strict = name, tissue, strains, strict
         self.needs = LAYERS[name].needs
+
+    def viscous(self, retardation: float) -> TissueLayer:
+        """The same layer whose tissue resists motion from frame to frame, in `solve_after` alone.
+
+        retardation: retardation time of the tissue over the time between two frames.
+        """
+        other = copy.copy(self)
+        other.retardation = retardation
+        return other
 
     def without_strains(self) -> TissueLayer:
         """The same tissue without plastic strains (model m1 of Zheng 2022 Table 4)."""
@@ -259,14 +270,19 @@ class TissueLayer:
         """As `solve`, from another frame.
 
         Where the other frame's skin touches itself, or would on the way, the tissue is bent from there; else
-        the tissue as the bones carry it is the first guess.
+        the tissue as the bones carry it is the first guess. A viscous tissue resists its way from there.
 
         Raises
         ------
         ConvergenceError
             As `solve`.
         """
-        origin, tissue = Origin.of(before, self.name), self.tissue
+        origin = Origin.of(before, self.name)
+        if self.retardation:
+            resting = self.viscous(0.0)
+            resting.tissue = self.tissue.viscous(origin.x, self.retardation)
+            return resting.solve_after(before, frame, below)
+        tissue = self.tissue
         start = tissue.carried(origin.x, origin.bones, frame.bones)
         barrier = tissue.skin_barrier() if self.bends else None
         if barrier and (

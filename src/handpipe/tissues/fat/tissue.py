@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -27,7 +28,7 @@ from handpipe.core import (
 from handpipe.fem.contact import Attachment, Barrier, Contact, Sliding, SurfaceSliding, contact_pressures
 from handpipe.fem.elements import Material, Validity, polar
 from handpipe.fem.minimisation import Equilibrium, Record
-from handpipe.fem.potentials import Elastic, Potential
+from handpipe.fem.potentials import Elastic, Potential, Viscosity
 from handpipe.fem.solver import Limits, NearEnough, Options, Settled, equilibrium, root_mean_square, settle
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, astray, touching_planes
 from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumped
@@ -116,6 +117,8 @@ class Tissue:
     parents : mapping of str to str
         Parent of each bone but the root, parents before children: the way into poses. Without it the tissue
         cannot be bent in steps.
+    viscosity : Viscosity, optional
+        Viscosity over the step from the frame before; by default there is none.
     """
 
     mesh: TetMesh
@@ -130,6 +133,19 @@ class Tissue:
     creases: Creases | None = None
     skin_share: Array | None = None
     parents: Mapping[str, str] = field(default_factory=dict)
+    viscosity: Viscosity | None = None
+
+    def viscous(self, x: Array, ratio: float) -> Tissue:
+        """The same tissue as it moves from x (n, 3): `ratio` is its retardation time over the step's length.
+
+        What has been found of this tissue is kept for the other.
+        """
+        for name, member in vars(Tissue).items():
+            if isinstance(member, cached_property):
+                getattr(self, name)
+        other = copy.copy(self)
+        object.__setattr__(other, "viscosity", Viscosity(self.elastic, x, ratio))
+        return other
 
     def without_sliding(self) -> Tissue:
         """The same tissue, fixed where it slides on the bodies below."""
@@ -268,13 +284,14 @@ class Tissue:
         share: float = 1.0,
         contact: Sequence[Potential] | None = None,
     ) -> list[Potential]:
-        """Constraints of the tissue in a frame, at x (n, 3), with a share of their full stiffness.
+        """Constraints of the tissue in a frame, at x (n, 3), with a share of their full stiffness; viscosity.
 
         rigid: transform from neutral of each rigid part of the skin; contact: of the skin with itself, by
         default contact planes.
         """
         unit = share * self.settings.stiffness
-        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit, contact)]
+        resisting = [] if self.viscosity is None else [self.viscosity]
+        return [*resisting, *self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit, contact)]
 
     def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
