@@ -58,7 +58,7 @@ def test_it_rests_where_forces_balance():
     layer = TissueLayer("fat", fork())
     x, scene = layer.solve(pressed, posed)["fat_mesh"].vertices, layer.scene(pressed.bones, posed)
     force = fork().skin_barrier().gradient(x)
-    others = [scene.elastic, *fork().constraints(posed, scene.rigid, x, contact=[])]
+    others = [scene.elastic, *scene.constraints(x, contact=[])]
     left = np.linalg.norm(sum(p.gradient(x) for p in others) + force, axis=1)
     assert left.max() < 0.02 * np.linalg.norm(force, axis=1).max()
 

@@ -8,9 +8,9 @@ import pytest
 from handpipe.core.errors import ConvergenceError
 from handpipe.core.layers import Frame, Region
 from handpipe.core.rigid import RigidTransform
+from handpipe.tissues.fat import layer as layer_module
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.other_equilibria import BLEND, restarts
-from handpipe.tissues.fat.tissue import Tissue
 
 from .limb import below, limb
 
@@ -59,6 +59,6 @@ def test_a_start_without_a_result_says_why(monkeypatch):
     def fail(*_):
         raise ConvergenceError("soft tissue", "did not converge", "Bend less")
 
-    monkeypatch.setattr(Tissue, "at_rest", fail)
+    monkeypatch.setattr(layer_module, "at_rest", fail)
     [restart] = restarts(layer, frame, shapes)
     assert "did not converge" in restart.reason and not restart.other and not restart.settled

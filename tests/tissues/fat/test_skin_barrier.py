@@ -15,9 +15,12 @@ from handpipe.mesh.contact.crossing_triangles import crossings
 from handpipe.mesh.contact.self_contacts import self_contact
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.fat.layer import TissueLayer
-from handpipe.tissues.fat.skin_barrier import Scene, kept_apart, penetration
+from handpipe.tissues.fat.resting.from_starts import settled_from
+from handpipe.tissues.fat.resting.pressures import pressures_at
+from handpipe.tissues.fat.resting.scene import Scene
+from handpipe.tissues.fat.resting.skin_barrier import kept_apart, penetration
+from handpipe.tissues.fat.resting.skin_pushes import _places, crossing_vertices, pushes
 from handpipe.tissues.fat.skin_contact import DISTANCE
-from handpipe.tissues.fat.skin_pushes import _places, crossing_vertices, pushes
 
 from .test_skin_on_skin import BASE, below, start, tissue, together
 
@@ -29,7 +32,7 @@ def _scene(distance):
 @cache
 def _planes(distance):
     """The equilibrium with contact planes alone."""
-    return tissue().solve(below(together(distance)), BASE, None, start(together(distance)))
+    return settled_from(Scene.of(tissue(), below(together(distance)), BASE), start(together(distance)))
 
 
 @cache
@@ -65,7 +68,7 @@ def test_the_barrier_presses_with_what_the_tissue_resists():
     along = rng.normal(size=x.shape)
     slope = (barrier.value(x + 1e-7 * along) - barrier.value(x - 1e-7 * along)) / 2e-7
     assert slope == pytest.approx(np.vdot(force, along), rel=1e-4)
-    others = [scene.elastic, *tissue().constraints(scene.below, BASE, x, contact=[])]
+    others = [scene.elastic, *scene.constraints(x, contact=[])]
     left = np.linalg.norm(sum(p.gradient(x) for p in others) + force, axis=1)
     assert left.max() < 0.02 * np.linalg.norm(force, axis=1).max()
 
@@ -73,7 +76,7 @@ def test_the_barrier_presses_with_what_the_tissue_resists():
 def test_pressures_of_the_skin_are_those_of_the_barrier():
     x = _barred(2.8).x
     skin = _scene(2.8).skin(x)
-    pressure = tissue().contact_pressures(below(together(2.8)), x)[""]["skin"]
+    pressure = pressures_at(Scene.of(tissue(), below(together(2.8)), BASE), x)[""]["skin"]
     touched = pressure > 0
     assert touched.sum() > 20 and np.abs(skin.vertices[touched, 1]).max() < 0.5
     one_side = touched & (tissue().skin.vertices[:, 1] > 0)

@@ -24,15 +24,15 @@ from handpipe.core import (
     vertices_of,
 )
 from handpipe.fem.elements import plasticity
-from handpipe.fem.potentials import Elastic
+from handpipe.fem.potentials import Elastic, Viscosity
 from handpipe.fem.solver import Settled
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.bending import Origin, Pace, bent
 from handpipe.tissues.fat.nails import from_vector
-from handpipe.tissues.fat.skin_barrier import Scene, kept_apart, penetration
-from handpipe.tissues.fat.tissue import LOST, Tissue
+from handpipe.tissues.fat.resting import LOST, Scene, at_rest, kept_apart, penetration, pressures_at
+from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
 
@@ -118,6 +118,7 @@ class TissueLayer:
 
     pace = PACE
     retardation = 0.0  # of the tissue in frames that follow one another, over the time between two frames
+    viscosity: Viscosity | None = None  # over the step from the frame before, while a frame follows it
 
     def __init__(
         self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
@@ -186,9 +187,8 @@ class TissueLayer:
 
     def scene(self, bones: Mapping[str, RigidTransform], below: Mapping[str, Shapes]) -> Scene:
         """The tissue in a pose, with its strains there, on the bodies below."""
-        strains = self.plastic_strains(bones)
-        elastic = self.tissue.elastic if strains is None else self.tissue.elastic.with_strains(strains)
-        return Scene(self.tissue, below, self.rigid(bones), elastic)
+        scene = Scene.of(self.tissue, below, self.rigid(bones), self.plastic_strains(bones))
+        return scene if self.viscosity is None else replace(scene, viscosity=self.viscosity)
 
     @property
     def bends(self) -> bool:
@@ -221,11 +221,11 @@ class TissueLayer:
         Where the first start lies deep in itself, or no start leads there, the tissue is bent from another
         pose, by default from neutral.
         """
-        tissue, bones, planes = self.tissue, frame.bones, list[Settled]()
+        tissue, scene, planes = self.tissue, self.scene(frame.bones, below), list[Settled]()
 
         def from_starts() -> Settled:
-            planes.append(tissue.at_rest(below, self.rigid(bones), self.plastic_strains(bones), starts))
-            return kept_apart(self.scene(bones, below), planes[0]) if tissue.skin_contact else planes[0]
+            planes.append(at_rest(scene, starts))
+            return kept_apart(scene, planes[0]) if tissue.skin_contact else planes[0]
 
         def from_origin() -> Settled:
             return self.bent(origin or Origin.neutral(tissue, below), frame, below)
@@ -279,9 +279,9 @@ class TissueLayer:
         """
         origin = Origin.of(before, self.name)
         if self.retardation:
-            resting = self.viscous(0.0)
-            resting.tissue = self.tissue.viscous(origin.x, self.retardation)
-            return resting.solve_after(before, frame, below)
+            moving = self.viscous(0.0)
+            moving.viscosity = Viscosity(self.tissue.elastic, origin.x, self.retardation)
+            return moving.solve_after(before, frame, below)
         tissue = self.tissue
         start = tissue.carried(origin.x, origin.bones, frame.bones)
         barrier = tissue.skin_barrier() if self.bends else None
@@ -319,10 +319,10 @@ class TissueLayer:
     def contact_pressures(self, frame: Frame, shapes: Mapping[str, Shapes]) -> dict[str, dict[str, Array]]:
         """Contact pressures in kPa at the equilibrium `shapes` of a frame, by layer and body.
 
-        They are those of `Tissue.contact_pressures`, of contact renewed for that equilibrium.
+        They are those of `pressures_at`, of contact renewed for that equilibrium.
         """
         x = shapes[self.name][self.name + "_mesh"].vertices
-        found = self.tissue.contact_pressures(shapes, x)
+        found = pressures_at(self.scene(frame.bones, shapes), x)
         return {layer or self.name: pressures for layer, pressures in found.items()}
 
 

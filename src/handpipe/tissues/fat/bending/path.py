@@ -13,8 +13,8 @@ from handpipe.fem.contact import Barrier
 from handpipe.fem.solver import Settled
 from handpipe.tissues.fat.bending.bodies import Bodies
 from handpipe.tissues.fat.bending.bones import partway, turn
-from handpipe.tissues.fat.skin_barrier import Scene, behind
-from handpipe.tissues.fat.tissue import OPTIONS, Tissue
+from handpipe.tissues.fat.resting import OPTIONS, Scene, behind
+from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
 
@@ -140,7 +140,7 @@ def bent(
         start = carried(tissue, barrier, x, before, there)
         try:
             hasty = replace(BRIEF, enough=_Hasty(pace.iterations))
-            x = scene.solve([barrier], start, start, hasty).x
+            x = scene.equilibrium([barrier], start, start, hasty).x
         except ConvergenceError as error:
             size *= 0.5
             if size < SMALLEST * first:

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from handpipe.core import Array, ConvergenceError, IntArray, RigidTransform, Shapes
+from handpipe.core import Array, ConvergenceError, IntArray
 from handpipe.fem.contact import Barrier
 from handpipe.fem.minimisation import Record
-from handpipe.fem.potentials import Elastic, Potential
-from handpipe.fem.solver import NearEnough, Options, Settled, equilibrium, root_mean_square, settle
+from handpipe.fem.solver import NearEnough, Settled, root_mean_square, settle
 from handpipe.mesh.contact import crossings, self_contact
-from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
+from handpipe.tissues.fat.resting.skin_pushes import crossing_vertices, pushes
 from handpipe.tissues.fat.skin_contact import DEEP, DISTANCE
-from handpipe.tissues.fat.skin_pushes import crossing_vertices, pushes
-from handpipe.tissues.fat.tissue import CONTACTS, OPTIONS, Tissue
+from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
 
@@ -27,32 +25,21 @@ EARLY, FALLEN = 4, 0.25  # after so many rounds, the share of crossing vertices 
 REMEDY = "The pose may leave no room for flesh: bend less, or scan a pose near it."
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A tissue in a frame: the bodies below, transforms of the skin's rigid parts, and the elastic energy."""
-
-    tissue: Tissue
-    below: Mapping[str, Shapes]
-    rigid: Mapping[str, RigidTransform]
-    elastic: Elastic
-
-    def skin(self, x: Array) -> Surface:
-        """The skin with the tissue at x (n, 3)."""
-        return self.tissue.skin.moved(self.tissue.skin_matrix @ x)
-
-    def solve(
-        self, contact: list[Potential], planes: Array, start: Array, options: Options = OPTIONS
-    ) -> equilibrium.Equilibrium:
-        """The equilibrium near a start (n, 3) under a contact of the skin; bodies' planes as at `planes`."""
-        constraints = self.tissue.constraints(self.below, self.rigid, planes, contact=contact)
-        return equilibrium.solve([self.elastic, *constraints], start, options=options)
-
-
 def kept_apart(scene: Scene, settled: Settled) -> Settled:
     """The equilibrium behind a barrier of the skin against itself, near one with contact planes.
 
-    Where no parts of the skin are within 0.1 mm of one another, or the neutral skin intersects itself, it is
-    `settled` itself.
+    Parameters
+    ----------
+    scene : Scene
+        The tissue in a frame.
+    settled : Settled
+        Its equilibrium with contact planes.
+
+    Returns
+    -------
+    Settled
+        The equilibrium. Where no parts of the skin are within 0.1 mm of one another, or the neutral skin
+        intersects itself, it is `settled` itself.
 
     Raises
     ------
@@ -71,9 +58,23 @@ def kept_apart(scene: Scene, settled: Settled) -> Settled:
 
 
 def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
-    """The equilibrium with a barrier, from a start (n, 3) without crossings; the bodies' planes are renewed.
+    """The equilibrium with a barrier, from a start without crossings; the bodies' planes are renewed.
 
     Each solve starts from the one before: what the renewal makes of two of them may intersect.
+
+    Parameters
+    ----------
+    scene : Scene
+        The tissue in a frame.
+    barrier : Barrier
+        The barrier of its skin.
+    start : array (n, 3)
+        Vertices in mm.
+
+    Returns
+    -------
+    Settled
+        The equilibrium.
 
     Raises
     ------
@@ -83,7 +84,7 @@ def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
     free, records = [start], list[Record]()
 
     def in_place(planes: Array, enough: NearEnough | None) -> Array:
-        found = scene.solve([barrier], planes, free[-1], replace(OPTIONS, enough=enough))
+        found = scene.equilibrium([barrier], planes, free[-1], replace(OPTIONS, enough=enough))
         free.append(found.x)
         records.append(found.record)
         return found.x
@@ -114,7 +115,7 @@ def _pushed_apart(scene: Scene, x: Array) -> Array:
             raise _no_room(scene, x, left)
         contact = pushes(tissue.skin, skin, tissue.skin_matrix, stiffness, margins)
         try:
-            x = scene.solve(contact, x, x).x
+            x = scene.equilibrium(contact, x, x).x
         except ConvergenceError as error:  # as where pushes against one another turn tets inside out
             raise _no_room(scene, x, left) from error
         margins[left] += GROWTH
@@ -131,10 +132,20 @@ def _no_room(scene: Scene, x: Array, vertices: IntArray) -> ConvergenceError:
 
 
 def penetration(tissue: Tissue, x: Array) -> dict[str, float]:
-    """Figures of the skin in itself with the tissue at x (n, 3), by name.
+    """How a skin touches itself.
 
-    `skin_inside`: vertices inside other skin; `skin_crossings`: edges through triangles; `skin_gap`: least
-    distance in mm of two parts, 0.1 at most, zero where they cross.
+    Parameters
+    ----------
+    tissue : Tissue
+        The tissue.
+    x : array (n, 3)
+        Its vertices in mm.
+
+    Returns
+    -------
+    dict of str to float
+        `skin_inside`: vertices inside other skin; `skin_crossings`: edges through triangles; `skin_gap`:
+        least distance in mm of two parts, 0.1 at most, zero where they cross.
     """
     skin = tissue.skin.moved(tissue.skin_matrix @ x)
     count = len(crossings(skin))

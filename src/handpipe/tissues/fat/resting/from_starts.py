@@ -1,0 +1,168 @@
+"""The equilibrium of a tissue from a start, or the first good one of several; its contact is by planes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from handpipe.core import Array, ConvergenceError
+from handpipe.fem.minimisation import Equilibrium, Record
+from handpipe.fem.potentials import Potential
+from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, root_mean_square, settle
+from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
+
+log = logging.getLogger(__name__)
+
+CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
+LOST = 3.0  # mm of a further start's self-penetration, from which it leads where the first one led
+SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
+SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
+
+
+def settled_from(scene: Scene, start: Array, contacts: Limits = CONTACTS) -> Settled:
+    """The equilibrium near a start; contact planes are renewed until the skin has settled.
+
+    Parameters
+    ----------
+    scene : Scene
+        The tissue in a frame.
+    start : array (n, 3)
+        Vertices in mm from which it starts.
+    contacts : Limits
+        Renewals of contact planes, and what counts as settled.
+
+    Returns
+    -------
+    Settled
+        The equilibrium.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no equilibrium, or the skin does not come to rest.
+    """
+    records: list[Record] = []
+
+    def in_place(x: Array, enough: NearEnough | None) -> Array:
+        found = _near(scene, x, enough)
+        records.append(found.record)
+        return found.x
+
+    def skin_motion(motion: Array) -> float:
+        return root_mean_square(scene.tissue.skin_matrix @ motion)
+
+    settled = settle(in_place, start, contacts, "soft tissue", skin_motion)
+    return replace(settled, solver=records[settled.chosen - 1].figures)
+
+
+def at_rest(scene: Scene, starts: Sequence[Array]) -> Settled:
+    """The equilibrium from the first start that ends without self-penetration.
+
+    Self-penetration is that of the skin. Starts are tried in turn, by way of smaller sizes where their
+    skin lies in itself. A start whose skin did not is tried again by way of smaller sizes if the
+    equilibrium's skin does. Where every equilibrium has self-penetration, the one with the least is
+    taken. Once there is an equilibrium, starts with skin 3 mm or more in itself are not tried: their
+    bodies leave no room, and that is the pose's fault.
+
+    Parameters
+    ----------
+    scene : Scene
+        The tissue in a frame.
+    starts : sequence of array (n, 3)
+        Vertices in mm, best first.
+
+    Returns
+    -------
+    Settled
+        The equilibrium.
+
+    Raises
+    ------
+    ConvergenceError
+        The last one, where no start led to an equilibrium.
+    """
+    overlap = scene.tissue.overlap
+    found: list[Settled] = []
+    failure: ConvergenceError | None = None
+    for way in _ways(scene, _worth_trying(scene, starts, found)):
+        if found:
+            text = "soft tissue: skin self-penetration %.2f mm; retrying from the next start"
+            log.info(text, overlap(found[-1].x))
+        try:
+            found.append(settled_from(scene, way))
+        except ConvergenceError as error:
+            log.warning("soft tissue: %s", error)
+            failure = error
+        else:
+            if overlap(found[-1].x) < CROWDED:
+                return found[-1]
+    if not found and failure is not None:
+        raise failure
+    return min(found, key=lambda settled: overlap(settled.x))
+
+
+def opened(scene: Scene, x: Array, anyway: bool = False) -> Array:
+    """A start with open creases.
+
+    The tissue is shrunk, draws back from the creases, and grows again. Skin deep in other skin needs this
+    room to come out. A size without an equilibrium is skipped.
+
+    Parameters
+    ----------
+    scene : Scene
+        The tissue in a frame.
+    x : array (n, 3)
+        Vertices in mm.
+    anyway : bool
+        Whether to shrink it where its skin hardly penetrates itself, too; else the result is x itself there.
+
+    Returns
+    -------
+    array (n, 3)
+        The start in mm.
+    """
+    overlap = scene.tissue.overlap
+    if not anyway and overlap(x) < CROWDED:
+        return x
+    for size in SIZES:
+        try:
+            x = _near(scene.with_strains(size * scene.elastic.strains), x).x
+        except ConvergenceError as error:
+            log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
+        else:
+            log.info("soft tissue: at %.2f of its size, skin self-penetration %.2f mm", size, overlap(x))
+    return x
+
+
+def _worth_trying(scene: Scene, starts: Iterable[Array], found: Sequence[Settled]) -> Iterator[Array]:
+    """Starts (n, 3), without those deep in themselves once something is found."""
+    for start in starts:
+        if found and (depth := scene.tissue.overlap(start)) >= LOST:
+            log.info("soft tissue: a start with skin %.2f mm in itself is not tried", depth)
+            continue
+        yield start
+
+
+def _ways(scene: Scene, starts: Iterable[Array]) -> Iterator[Array]:
+    """Initial guesses (n, 3): each start, opened if it has to be, then opened anyway."""
+    for start in starts:
+        way = opened(scene, start)
+        yield way
+        if way is start:
+            yield opened(scene, start, anyway=True)
+
+
+def _near(scene: Scene, start: Array, enough: NearEnough | None = None) -> Equilibrium:
+    """The equilibrium near a start (n, 3), with contact planes as there."""
+    options = replace(OPTIONS, enough=enough)
+    try:
+        given = scene.potentials(start)
+        return equilibrium.solve(given, start, options=options, analyses=scene.tissue.analyses)
+    except ConvergenceError as error:
+        log.info("%s; retrying with constraints that stiffen in steps", error)
+
+    def softened(t: float) -> list[Potential]:
+        return scene.potentials(start, SOFTEST ** (1 - t))
+
+    return equilibrium.continuation(softened, start, options=OPTIONS)

@@ -1,0 +1,62 @@
+"""Pressure of a tissue's contact: of its skin on itself, and of the tissue on the bodies below."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array
+from handpipe.fem.contact import Contact, contact_pressures
+from handpipe.mesh.tets import mass_lumped
+from handpipe.tissues.fat.resting.scene import Scene
+from handpipe.tissues.fat.skin_contact import skin_on_skin
+
+
+def pressures_at(scene: Scene, x: Array) -> dict[str, dict[str, Array]]:
+    """Contact pressures of a tissue in a frame.
+
+    Parameters
+    ----------
+    scene : Scene
+        The tissue in the frame.
+    x : array (n, 3)
+        Its vertices in mm.
+
+    Returns
+    -------
+    dict of str to dict of str to array
+        Pressures in kPa by layer and body; the skin's layer is "". That of the skin on itself is by skin
+        vertex (k,), that of the tissue on a body below by its vertex; the latter is zero where the tissue is
+        fixed or slides.
+    """
+    return {"": {"skin": _on_skin(scene, x)}, **_on_bodies(scene, x)}
+
+
+def _on_skin(scene: Scene, x: Array) -> Array:
+    """Pressure (k,) of the skin on itself: the barrier's, or the planes' where it crosses itself."""
+    tissue, skin = scene.tissue, scene.skin(x)
+    barrier = tissue.skin_barrier()
+    if barrier is not None and not barrier.intersects(x):
+        areas = mass_lumped(skin.vertices, skin.triangles)
+        return -np.einsum("ni,ni->n", barrier.surface_forces(x), skin.vertex_normals()) / areas
+    stiffness = tissue.settings.stiffness * tissue.skin_areas
+    identity = sparse.identity(len(stiffness), format="csr")
+    return contact_pressures(skin_on_skin(tissue.skin, skin, identity, stiffness), skin)
+
+
+def _on_bodies(scene: Scene, x: Array) -> dict[str, dict[str, Array]]:
+    """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""
+    inner, ids = scene.tissue.inner, scene.tissue.touching
+    given = scene.on_bodies(x, scene.tissue.settings.stiffness)
+    contacts = [c for c in given if isinstance(c, Contact)]
+    force = np.zeros(len(inner.rest))
+    force[ids] = np.sum([np.linalg.norm(c.forces(c.points(x)), axis=1) for c in contacts], axis=0)
+    found: dict[str, dict[str, Array]] = {}
+    for body, surface in enumerate(inner.surfaces(scene.below)):
+        mine = ids[inner.body[ids] == body]
+        if len(mine):
+            total = np.zeros(len(surface.vertices))
+            np.add.at(total, inner.vertex[mine], force[mine])
+            pressure = total / mass_lumped(surface.vertices, surface.triangles)
+            found.setdefault(inner.layers[body], {})[inner.bodies[body]] = pressure
+    return found
