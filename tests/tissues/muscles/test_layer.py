@@ -72,6 +72,22 @@ def test_examples_are_reproduced():
         )  # springs hold the ends
 
 
+def test_neighbours_let_go_of_one_another_without_a_jump():
+    """A muscle is lifted off the one that it slides on: its pull rises, fades, and is zero at 1 mm."""
+    layer = MuscleLayer([muscle("low"), muscle("high", (0.0, 0.0, 6.2))])
+    rest, high = layer.elastic.vertices, layer.parts[1]
+    assert layer.slides
+    heights, pulls = np.arange(0.0, 1.2, 0.005), []
+    for height in heights:
+        x = rest.copy()
+        x[high, 2] += height
+        springs = layer._neighbours(x, layer.surfaces, None)
+        pulls.append(sum(p.gradient(x)[high, 2].sum() for p in springs))
+    pulls = np.array(pulls)
+    assert np.abs(np.diff(pulls)).max() < 0.05 * pulls.max()
+    assert abs(pulls[-1]) < 1e-9
+
+
 def test_an_end_that_gave_way_to_a_neighbour_in_an_example_is_not_pulled_back():
     body, pose = spindle(), hinge(0.4)
     aside = 0.3 * body.harmonic_weights()[:, :1] * [0.0, 0.0, 1.0]  # mm, of the end at bone "a"

@@ -382,6 +382,7 @@ class MuscleLayer:
         firm = {m.name: m.firm for m in self.muscles}
         touching: list[Planes] = []
         sliding: list[Planes] = []
+        stiffness: list[Array] = []
         for a, b in permutations(operators, 2):
             near = pairs(posed[a], distances[b], self.options.near).without(firm[a])
             if len(near.vertices) == 0:
@@ -394,9 +395,10 @@ class MuscleLayer:
             # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
             kept = slide.rest[:, None] * slide.normals
             sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals))
+            stiffness.append(self.options.sliding * slide.held(self.options.near))
         return [
             *_stacked(Contact, touching, self.options.contact),
-            *_stacked(Sliding, sliding, self.options.sliding),
+            *_stacked(Sliding, sliding, np.concatenate([*stiffness, np.zeros(0)])),
         ]
 
     def _equilibrium(
@@ -473,7 +475,7 @@ def _apart(near: SurfacePairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sp
     return a[near.vertices] - near.feet @ b
 
 
-def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float) -> list[Potential]:
+def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float | Array) -> list[Potential]:
     """One potential of the planes of all pairs: a hundred small ones cost more than their sums."""
     if not planes:
         return []

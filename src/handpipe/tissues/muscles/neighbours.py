@@ -14,6 +14,8 @@ from handpipe.mesh.surfaces import Distance, Surface, WaysBack, about, barycentr
 
 Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 
+FADING = 0.25  # of the distance within which neighbours slide, over which sliding fades
+
 
 @dataclass(frozen=True)
 class SurfacePairs:
@@ -55,6 +57,13 @@ class SurfacePairs:
         """The pairs nearer than a distance in mm."""
         chosen = np.flatnonzero(self.gaps < distance)
         return self._at(chosen, self.rest[chosen])
+
+    def held(self, near: float) -> Array:
+        """Share (c,) of its full stiffness that sliding has at each pair: it fades out towards `near` mm.
+
+        A pair that came and went with all of its stiffness would draw a muscle to and fro without end.
+        """
+        return np.clip((near - self.gaps) / (FADING * near), 0.0, 1.0)
 
     def _at(self, chosen: IntArray, rest: Array) -> SurfacePairs:
         return SurfacePairs(
