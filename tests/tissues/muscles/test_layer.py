@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.tissues.muscles.shapes import flesh_about, hinge, hinge_bones, spindle
 
-from handpipe.core import RigidTransform
+from handpipe.core import ConvergenceError, RigidTransform
 from handpipe.core.layers import Frame, Shape
 from handpipe.fem.contact.constraints import Attachment
 from handpipe.fem.elements import plasticity
@@ -327,9 +327,41 @@ def test_after_another_frame_a_muscle_starts_turned_with_its_limb():
     before, there = Frame("pose", {}, pose), around(pose, FLESH.vertices)
     shapes = {**there, "muscles": layer.solve(before, there)}
     starts = []
-    layer._near = lambda start, places, frame, below: starts.append(start)
+    layer._near = lambda start, places, frame, below: starts.append(start) or {}
     layer.solve_after((before, shapes), Frame("turned", {}, turned), around(turned, motion(FLESH.vertices)))
     np.testing.assert_allclose(starts[0], motion(shapes["muscles"]["m_mesh"].vertices), atol=1e-9)
+
+
+def test_muscles_that_do_not_settle_after_another_frame_begin_at_their_own_start():
+    """What settles is taken, else what follows the other frame."""
+    layer, pose = MuscleLayer([muscle("m")], contact=False), Frame("pose", {}, hinge(0.4))
+    below = {"bones": BoneLayer(hinge_bones()).solve(pose, {})}
+    before = pose, {**below, "muscles": layer.solve(pose, below)}
+    moved = {"m_mesh": replace(before[1]["muscles"]["m_mesh"], vertices=layer.elastic.vertices + 1.0)}
+
+    def result(unsettled):
+        return {"m": Shape(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((0, 3), int), {}, unsettled)}
+
+    settled, left = {"contact_unsettled": 0.0}, {"contact_unsettled": 1.0}
+    failure = ConvergenceError("muscles", "no equilibrium")
+    for first, second, taken, solves in (
+        (settled, settled, 0, 1),
+        (left, settled, 1, 2),
+        (left, left, 0, 2),
+        (left, failure, 0, 2),
+    ):
+        starts, results = [], [result(first), second if second is failure else result(second)]
+
+        def near(start, places, *_, starts=starts, results=results):
+            starts.append(start is places)
+            found = results[len(starts) - 1]
+            if isinstance(found, Exception):
+                raise found
+            return found
+
+        layer._near = near
+        after = layer.solve_after((before[0], {**before[1], "muscles": moved}), pose, below)
+        assert after is results[taken] and starts == [False, True][:solves]
 
 
 def test_artifact_round_trip(tmp_path):

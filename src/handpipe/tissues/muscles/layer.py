@@ -21,6 +21,7 @@ from handpipe.core import (
     LAYERS,
     Array,
     BoolArray,
+    ConvergenceError,
     Frame,
     IntArray,
     RigidTransform,
@@ -176,7 +177,8 @@ class MuscleLayer:
         """As `solve`, near the muscles of another frame.
 
         A muscle begins as far from its surroundings as it is in that frame, in directions that turn with its
-        reference bone.
+        reference bone. Where their contact does not settle from there, the muscles of `solve` are taken if
+        theirs does: a place that muscles slide out of is not handed on from frame to frame.
 
         Raises
         ------
@@ -190,7 +192,17 @@ class MuscleLayer:
             x, bone = shapes[self.name][f"{muscle.name}_mesh"].vertices, muscle.space.reference
             turn = frame.bones[bone].rotation @ then.bones[bone].rotation.T
             starts.append(place + (x - was) @ turn.T)
-        return self._near(np.concatenate(starts), np.concatenate(are), frame, below)
+        places = np.concatenate(are)
+        shapes_after = self._near(np.concatenate(starts), places, frame, below)
+        if _settled(shapes_after):
+            return shapes_after
+        log.info("muscles of %s: not settled after %s; again from their own start", frame.name, then.name)
+        try:
+            alone = self._near(places, places, frame, below)
+        except ConvergenceError as error:
+            log.info("%s", error)
+            return shapes_after
+        return alone if _settled(alone) else shapes_after
 
     def _places(self, frame: Frame, below: Mapping[str, Shapes]) -> list[Array]:
         """Each muscle's vertices (n, 3) where what surrounds it takes them in a frame."""
@@ -482,6 +494,11 @@ def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float | A
     apart, places, normals = zip(*planes, strict=True)
     stack = sparse.vstack(apart, format="csr")
     return [kind(stack, np.concatenate(places), np.concatenate(normals), stiffness)]
+
+
+def _settled(shapes: Shapes) -> bool:
+    """Whether contact has settled in every shape."""
+    return not any(shape.figures.get("contact_unsettled", 0.0) for shape in shapes.values())
 
 
 def _neutral(below: Mapping[str, Shapes]) -> dict[str, Surface]:
