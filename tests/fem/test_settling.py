@@ -6,11 +6,20 @@ import numpy as np
 import pytest
 
 from handpipe.core.errors import ConvergenceError
-from handpipe.fem.solver.settling import Limits, root_mean_square, settle
+from handpipe.fem.minimisation.record import Equilibrium, Record
+from handpipe.fem.solver import settling
+from handpipe.fem.solver.settling import Limits, root_mean_square
 
 LIMITS = Limits(renewals=20, settled=0.01, gross=0.4)
 GOAL = np.array([[1.0, -2.0, 0.5], [0.0, 3.0, 1.0]])
 START = np.zeros_like(GOAL)
+
+
+def settle(equilibrium, *arguments, **options):
+    """`settling.settle` of a map from positions to positions."""
+    return settling.settle(
+        lambda x, enough: Equilibrium(equilibrium(x, enough), Record()), *arguments, **options
+    )
 
 
 def towards_goal(rate):

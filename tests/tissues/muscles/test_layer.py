@@ -72,7 +72,7 @@ def test_examples_are_reproduced():
         )  # springs hold the ends
 
 
-def test_neighbours_let_go_of_one_another_without_a_jump():
+def test_sliding_fades_without_a_jump_where_neighbours_gape():
     """A muscle is lifted off the one that it slides on: its pull rises, fades, and is zero at 1 mm."""
     layer = MuscleLayer([muscle("low"), muscle("high", (0.0, 0.0, 6.2))])
     rest, high = layer.elastic.vertices, layer.parts[1]

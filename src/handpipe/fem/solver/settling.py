@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from handpipe.core import Array, ConvergenceError
+from handpipe.fem.minimisation import Equilibrium
 
 log = logging.getLogger(__name__)
 
@@ -140,7 +141,7 @@ def root_mean_square(motion: Array) -> float:
 
 
 def settle(
-    equilibrium: Callable[[Array, NearEnough | None], Array],
+    solve: Callable[[Array, NearEnough | None], Equilibrium],
     x: Array,
     limits: Limits,
     name: str,
@@ -156,8 +157,8 @@ def settle(
 
     Parameters
     ----------
-    equilibrium : callable
-        From positions (n, 3) in mm where planes are taken to the equilibrium (n, 3) in mm under these planes.
+    solve : callable
+        From positions (n, 3) in mm where planes are taken to the equilibrium under these planes.
         It may end early where its second argument, if not None, says so: at the first quarter of all
         renewals, where planes are still far from those of the result. One that does is made up for by a
         further renewal.
@@ -190,15 +191,15 @@ def settle(
     while count < most:
         count += 1
         early = NearEnough(x, limits.settled, measure) if count <= limits.renewals // EARLY else None
-        found = equilibrium(x, early)
-        step = found - x
+        found = solve(x, early)
+        step = found.x - x
         motion = measure(step)
         moved = "" if mover is None else f", most of all {mover(step)}"
         log.info("%s: contact planes renewed %d times, last motion %.3f mm%s", name, count, motion, moved)
         exact = early is None or not early.told
         most += not exact
         if exact and motion < best.motion:
-            best = Settled(found, count, motion, chosen=count)
+            best = Settled(found.x, count, motion, chosen=count, solver=found.record.figures)
         if exact and motion < limits.settled:
             return best
         motions = np.array([measure(step[part]) for part in parts])

@@ -278,10 +278,17 @@ class TissueLayer:
             As `solve`.
         """
         origin = Origin.of(before, self.name)
-        if self.retardation:
-            moving = self.viscous(0.0)
-            moving.viscosity = Viscosity(self.tissue.elastic, origin.x, self.retardation)
-            return moving.solve_after(before, frame, below)
+        return self._moving_from(origin.x)._after(origin, frame, below)
+
+    def _moving_from(self, x: Array) -> TissueLayer:
+        """The same layer, its viscosity over the step from x (n, 3)."""
+        if not self.retardation:
+            return self
+        other = copy.copy(self)
+        other.viscosity = Viscosity(self.tissue.elastic, x, self.retardation)
+        return other
+
+    def _after(self, origin: Origin, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         tissue = self.tissue
         start = tissue.carried(origin.x, origin.bones, frame.bones)
         barrier = tissue.skin_barrier() if self.bends else None
@@ -313,8 +320,7 @@ class TissueLayer:
 
     def elastic_bodies(self, bones: Mapping[str, RigidTransform]) -> dict[str, Elastic]:
         """The potential of the tissue's tets in a pose, by the name of their shape."""
-        strains, elastic = self.plastic_strains(bones), self.tissue.elastic
-        return {self.name + "_mesh": elastic if strains is None else elastic.with_strains(strains)}
+        return {self.name + "_mesh": self.tissue.strained(self.plastic_strains(bones))}
 
     def contact_pressures(self, frame: Frame, shapes: Mapping[str, Shapes]) -> dict[str, dict[str, Array]]:
         """Contact pressures in kPa at the equilibrium `shapes` of a frame, by layer and body.

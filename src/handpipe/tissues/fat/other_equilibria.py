@@ -82,7 +82,7 @@ def restarts(
 def _restarted(
     layer: TissueLayer, frame: Frame, shapes: Mapping[str, Shapes], name: str, start: Array
 ) -> Restart:
-    tissue, strains = layer.tissue, layer.plastic_strains(frame.bones)
+    tissue = layer.tissue
     try:
         found = layer.at_rest(frame, shapes, [start])
     except ConvergenceError as error:
@@ -90,7 +90,7 @@ def _restarted(
         return Restart(name, reason=str(error))
     before = _tets_of(layer, shapes)
     apart = np.linalg.norm(tissue.skin_matrix @ (found.x - before), axis=1)
-    elastic = tissue.elastic if strains is None else tissue.elastic.with_strains(strains)
+    elastic = tissue.strained(layer.plastic_strains(frame.bones))
     share = elastic.value(found.x) / elastic.value(before)
     restart = Restart(name, float(apart.mean()), float(apart.max()), float(share), found.rests)
     if restart.other:

@@ -130,6 +130,10 @@ class Tissue:
         material = uniform if self.creases is None else self.creases.material
         return Elastic(self.mesh.vertices, self.mesh.tets, material, weights=self.occupancy)
 
+    def strained(self, strains: Array | None) -> Elastic:
+        """Its elastic energy under plastic strains (m, 6), or without."""
+        return self.elastic if strains is None else self.elastic.with_strains(strains)
+
     def nails(self) -> dict[str, NDArray[np.uint8]]:
         """Field "nail" (k,) of the skin, 1 at vertices of nails; nothing where there are none."""
         parts = [p.vertices for name, p in self.rigid.items() if not name.startswith(CUT_END)]

@@ -11,7 +11,7 @@ from scipy import sparse
 
 from handpipe.core import Array, ConvergenceError
 from handpipe.fem.contact import Contact, ConvexBarrier
-from handpipe.fem.minimisation import Equilibrium, Record
+from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import Limits, NearEnough, Settled, settle
 from handpipe.mesh.contact import ways_out
@@ -56,20 +56,18 @@ def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
     start = _pushed_apart(scene, settled.x)
     stiffness = BARRIER_STIFFNESS * scene.young
     barrier = ConvexBarrier(scene.bodies.barrier(start, scene.rest, DISTANCE, stiffness))
-    free, records = [start], list[Record]()
+    free = [start]
 
-    def in_place(planes: Array, _: NearEnough | None) -> Array:
+    def in_place(planes: Array, _: NearEnough | None) -> Equilibrium:
         found = scene.solve([*scene.planes(planes, None), barrier], free[-1], True)
         free.append(found.x)
-        records.append(found.record)
-        return found.x
+        return found
 
     found = settle(in_place, start, limits, f"{scene.name}, behind a barrier")
     left = scene.bodies.crossings(found.x, itself=True)
     if len(left.edges):
         raise no_room(scene.name, scene.bodies, found.x, left)
-    figures = records[found.chosen - 1].figures
-    return replace(found, renewals=settled.renewals + found.renewals, solver=figures)
+    return replace(found, renewals=settled.renewals + found.renewals)
 
 
 def _pushed_apart(scene: Scene, x: Array) -> Array:

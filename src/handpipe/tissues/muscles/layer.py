@@ -32,7 +32,7 @@ from handpipe.core import (
 )
 from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, contact_pressures, left_deep
 from handpipe.fem.elements import Material, Validity
-from handpipe.fem.minimisation import Equilibrium, Record
+from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, settle
 from handpipe.mesh.contact import cuts_itself
@@ -45,7 +45,8 @@ from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
 from handpipe.tissues.muscles.penetration import Penetration, Posed
 
-Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
+# Matrix (c, N) to vectors between neighbours, places and normals (c, 3) of planes, stiffnesses (c,)
+Planes = tuple[sparse.csr_matrix, Array, Array, Array]
 
 log = logging.getLogger(__name__)
 
@@ -196,7 +197,11 @@ class MuscleLayer:
         shapes_after = self._near(np.concatenate(starts), places, frame, below)
         if _settled(shapes_after):
             return shapes_after
-        log.info("muscles of %s: not settled after %s; again from their own start", frame.name, then.name)
+        log.info(
+            "muscles of %s: contact not settled after %s; retrying from their own initial guess",
+            frame.name,
+            then.name,
+        )
         try:
             alone = self._near(places, places, frame, below)
         except ConvergenceError as error:
@@ -292,17 +297,13 @@ class MuscleLayer:
         frame: str,
     ) -> Settled:
         """Equilibria with the neighbours' contact planes renewed until the shapes have settled."""
-        records: list[Record] = []
 
-        def in_place(x: Array, enough: NearEnough | None) -> Array:
+        def in_place(x: Array, enough: NearEnough | None) -> Equilibrium:
             potentials = [*free, *self._contacts(obstacles, x)]
-            found = self._equilibrium(potentials, x, frame, enough=enough)
-            records.append(found.record)
-            return found.x
+            return self._equilibrium(potentials, x, frame, enough=enough)
 
         name = f"muscles of {frame}"
-        settled = settle(in_place, x, self.options.contacts, name, mover=self._mover, parts=self.parts)
-        return replace(settled, solver=records[settled.chosen - 1].figures)
+        return settle(in_place, x, self.options.contacts, name, mover=self._mover, parts=self.parts)
 
     def _scene(
         self, bodies: Bodies, free: list[Potential], obstacles: Sequence[Distance], frame: str
@@ -394,7 +395,6 @@ class MuscleLayer:
         firm = {m.name: m.firm for m in self.muscles}
         touching: list[Planes] = []
         sliding: list[Planes] = []
-        stiffness: list[Array] = []
         for a, b in permutations(operators, 2):
             near = pairs(posed[a], distances[b], self.options.near).without(firm[a])
             if len(near.vertices) == 0:
@@ -403,15 +403,13 @@ class MuscleLayer:
             if margin is not None:
                 # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
                 left = left_deep(touch.gaps, touch.normals, BITE) + margin * touch.normals
-                touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals))
+                stiffness = np.full(len(touch.gaps), self.options.contact)
+                touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals, stiffness))
             # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
             kept = slide.rest[:, None] * slide.normals
-            sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals))
-            stiffness.append(self.options.sliding * slide.held(self.options.near))
-        return [
-            *_stacked(Contact, touching, self.options.contact),
-            *_stacked(Sliding, sliding, np.concatenate([*stiffness, np.zeros(0)])),
-        ]
+            stiffness = self.options.sliding * slide.sliding_share(self.options.near)
+            sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals, stiffness))
+        return [*_stacked(Contact, touching), *_stacked(Sliding, sliding)]
 
     def _equilibrium(
         self,
@@ -487,13 +485,12 @@ def _apart(near: SurfacePairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sp
     return a[near.vertices] - near.feet @ b
 
 
-def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float | Array) -> list[Potential]:
+def _stacked(kind: type[Sliding], planes: Sequence[Planes]) -> list[Potential]:
     """One potential of the planes of all pairs: a hundred small ones cost more than their sums."""
     if not planes:
         return []
-    apart, places, normals = zip(*planes, strict=True)
-    stack = sparse.vstack(apart, format="csr")
-    return [kind(stack, np.concatenate(places), np.concatenate(normals), stiffness)]
+    apart, *others = zip(*planes, strict=True)
+    return [kind(sparse.vstack(apart, format="csr"), *map(np.concatenate, others))]
 
 
 def _settled(shapes: Shapes) -> bool:

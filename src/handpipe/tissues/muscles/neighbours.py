@@ -58,10 +58,10 @@ class SurfacePairs:
         chosen = np.flatnonzero(self.gaps < distance)
         return self._at(chosen, self.rest[chosen])
 
-    def held(self, near: float) -> Array:
-        """Share (c,) of its full stiffness that sliding has at each pair: it fades out towards `near` mm.
+    def sliding_share(self, near: float) -> Array:
+        """Share (c,) of the full stiffness of each pair's sliding spring: it fades out towards `near` mm.
 
-        A pair that came and went with all of its stiffness would draw a muscle to and fro without end.
+        A spring that switched on and off at full stiffness would make a muscle oscillate.
         """
         return np.clip((near - self.gaps) / (FADING * near), 0.0, 1.0)
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from handpipe.core import Array, ConvergenceError
-from handpipe.fem.minimisation import Equilibrium, Record
+from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.potentials import Potential
-from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, root_mean_square, settle
+from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, settle
 from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
 
 log = logging.getLogger(__name__)
@@ -42,18 +43,7 @@ def settled_from(scene: Scene, start: Array, contacts: Limits = CONTACTS) -> Set
     ConvergenceError
         Where there is no equilibrium, or the skin does not come to rest.
     """
-    records: list[Record] = []
-
-    def in_place(x: Array, enough: NearEnough | None) -> Array:
-        found = _near(scene, x, enough)
-        records.append(found.record)
-        return found.x
-
-    def skin_motion(motion: Array) -> float:
-        return root_mean_square(scene.tissue.skin_matrix @ motion)
-
-    settled = settle(in_place, start, contacts, "soft tissue", skin_motion)
-    return replace(settled, solver=records[settled.chosen - 1].figures)
+    return settle(partial(_near, scene), start, contacts, "soft tissue", scene.skin_motion)
 
 
 def at_rest(scene: Scene, starts: Sequence[Array]) -> Settled:

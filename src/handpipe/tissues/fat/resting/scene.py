@@ -11,7 +11,7 @@ from handpipe.core import Array, IntArray, Region, RigidTransform, Shapes
 from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding
 from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.potentials import Elastic, Potential, Viscosity
-from handpipe.fem.solver import Limits, Options, equilibrium
+from handpipe.fem.solver import Limits, Options, equilibrium, root_mean_square
 from handpipe.mesh.surfaces import Surface, astray, touching_planes
 from handpipe.tissues.fat.skin_contact import skin_on_skin
 from handpipe.tissues.fat.tissue import Tissue
@@ -63,8 +63,7 @@ class Scene:
         strains: Array | None = None,
     ) -> Scene:
         """The tissue under plastic strains (m, 6), by default none."""
-        elastic = tissue.elastic if strains is None else tissue.elastic.with_strains(strains)
-        return Scene(tissue, below, rigid, elastic)
+        return Scene(tissue, below, rigid, tissue.strained(strains))
 
     def with_strains(self, strains: Array) -> Scene:
         """The same scene with other plastic strains (m, 6)."""
@@ -73,6 +72,10 @@ class Scene:
     def skin(self, x: Array) -> Surface:
         """The skin with the tissue at x (n, 3)."""
         return self.tissue.skin.moved(self.tissue.skin_matrix @ x)
+
+    def skin_motion(self, motion: Array) -> float:
+        """Root mean square in mm of the skin's part in a motion (n, 3) of the tissue."""
+        return root_mean_square(self.tissue.skin_matrix @ motion)
 
     def equilibrium(
         self, contact: list[Potential], planes: Array, start: Array, options: Options = OPTIONS

@@ -9,8 +9,8 @@ import numpy as np
 
 from handpipe.core import Array, ConvergenceError, IntArray
 from handpipe.fem.contact import Barrier
-from handpipe.fem.minimisation import Record
-from handpipe.fem.solver import NearEnough, Settled, root_mean_square, settle
+from handpipe.fem.minimisation import Equilibrium
+from handpipe.fem.solver import NearEnough, Settled, settle
 from handpipe.mesh.contact import crossings, self_contact
 from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
 from handpipe.tissues.fat.resting.skin_pushes import crossing_vertices, pushes
@@ -81,22 +81,18 @@ def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
     ConvergenceError
         Where there is no equilibrium, or an independent count finds crossings.
     """
-    free, records = [start], list[Record]()
+    free = [start]
 
-    def in_place(planes: Array, enough: NearEnough | None) -> Array:
+    def in_place(planes: Array, enough: NearEnough | None) -> Equilibrium:
         found = scene.equilibrium([barrier], planes, free[-1], replace(OPTIONS, enough=enough))
         free.append(found.x)
-        records.append(found.record)
-        return found.x
+        return found
 
-    def motion(step: Array) -> float:
-        return root_mean_square(scene.tissue.skin_matrix @ step)
-
-    settled = settle(in_place, start, CONTACTS, "soft tissue, skin behind a barrier", motion)
+    settled = settle(in_place, start, CONTACTS, "soft tissue, skin behind a barrier", scene.skin_motion)
     left = crossing_vertices(scene.skin(settled.x))
     if len(left):
         raise _no_room(scene, settled.x, left)
-    return replace(settled, solver=records[settled.chosen - 1].figures)
+    return settled
 
 
 def _pushed_apart(scene: Scene, x: Array) -> Array:
