@@ -85,6 +85,27 @@ def test_pads_lie_palmar_of_the_bones_by_the_flesh(tmp_path):
     assert gaps[1] > gaps[0] + 3.0
 
 
+def test_the_back_lies_dorsal_of_the_middle_of_a_bone(tmp_path):
+    """2 mm above it: the back of a finger has two fifths of the flesh of its pad."""
+    bone = RIG.surfaces["middle2"].vertices
+    middle = bone[np.abs(bone[:, 0] - bone[:, 0].mean()) < 4.0]
+    above = np.array([*middle[:, :2].mean(axis=0), middle[:, 2].max() + 2.0])  # +z is dorsal
+    goal = {"bone": "middle2", "at": "back", "to": [float(c) for c in posed(above, "middle2", TRUTH)[0]]}
+    motion = expand_motion(written(tmp_path, [{"time": 0, "reach": [goal]}, {"time": 1}], flesh=5.0), RIG)
+    found = posed(above, "middle2", motion.frames["key1"])[0]
+    assert np.linalg.norm(found - goal["to"]) < 1.0
+
+
+def test_bones_that_are_still_stay_at_the_angles_of_their_keys(tmp_path):
+    angles = {"MP2_flexion": 40, "PIP2_flexion": 90, "MP2_abduction": 5}
+    still = {"touch": [["distal1", "distal2"]], "still": ["middle2"], "angles": angles}
+    keys = [{"time": 0, **still}, {"time": 4, **still}]
+    motion = expand_motion(written(tmp_path, keys), RIG)
+    for frame in motion.frames.values():
+        assert {n: frame[n] for n in angles} == pytest.approx({n: np.radians(v) for n, v in angles.items()})
+        assert abs(frame["DIP2_flexion"]) + abs(frame["IP1_flexion"]) > 0.1  # the others move
+
+
 def test_what_is_out_of_reach_is_said_by_key_with_its_distance(tmp_path):
     far = {"bone": "distal2", "at": "tip", "to": [float(c) for c in tips()[2] + [60, 0, 0]]}
     keys = [{"time": 0, "name": "rest"}, {"time": 4, "name": "far", "reach": [far]}]
@@ -99,7 +120,8 @@ def test_bones_that_collide_are_pushed_apart():
     check = PoseValidity(RIG)
     clash = ZERO | {"MP2_abduction": np.radians(-20), "MP3_abduction": np.radians(20)}
     assert check.check(clash).collisions
-    found = TargetSolver(RIG, 6.0, check).near(clash, [])
+    solver = TargetSolver(RIG, 6.0, check)
+    found = solver.near(clash, clash, solver.asked([], {}), solver.limits(clash))
     assert sum(check.check(found.angles).collisions.values()) < 0.4
     assert all(abs(found.angles[n] - clash[n]) < np.radians(25) for n in ZERO)  # and not undone
 
@@ -125,6 +147,7 @@ def test_the_push_has_the_derivatives_of_finite_differences():
             [{"time": 0}, {"time": 1, "touch": [["distal1", "distal9"]]}],
             r"keys\.1 \(key2\): no bone 'distal9'",
         ),
+        ([{"time": 0}, {"time": 1, "still": ["distal9"]}], r"keys\.1 \(key2\): no bone 'distal9'"),
         ([{"time": 0}, {"time": 1, "angles": {"PIP2_flexion": 200}}], "PIP2_flexion: 200 deg is outside"),
         ([{"time": 0}, {"time": 1, "angles": {"PIP7_flexion": 2}}], "PIP7_flexion: is not an angle"),
         ([{"time": 0, "name": "a"}, {"time": 1, "name": "a"}], r"keys\.1 \(a\): its name is another key's"),

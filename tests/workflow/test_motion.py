@@ -36,7 +36,7 @@ def test_shipped_motions_are_cut_into_chunks_of_their_frames(bench: Workbench) -
 
 def test_a_chunk_goes_on_from_the_one_before_where_frames_follow_one_another(bench: Workbench) -> None:
     """One job after another, in their order; without `follow` all of them can run at once."""
-    given = {"layers": ["bones"], "frames": "config/scenes/close-fist.csv", "chunk": 44}
+    given = {"layers": ["bones"], "frames": "config/scenes/numbers.csv", "chunk": 120}
     for name, follow in (("chain", True), ("apart", False)):
         bench.write(f"scenes/{name}", {**given, "follow": follow})
         needs = bench.plan("phantom-hand-preview", scenes=[name]).needs

@@ -27,10 +27,14 @@ def _bone(value: Any) -> Any:
 
 
 class BonePoint(Model):
-    """A point of a bone: its pad (skin palmar of its end), its tip, or neutral coordinates in mm."""
+    """A point of a bone, or of the skin on it.
+
+    `at` is the pad (skin palmar of the bone's end), the back (skin dorsal of its middle), the tip, or neutral
+    coordinates in mm.
+    """
 
     bone: Name
-    at: Literal["pad", "tip"] | Vector = "pad"
+    at: Literal["pad", "back", "tip"] | Vector = "pad"
 
 
 class Goal(BonePoint):
@@ -43,12 +47,16 @@ End = Annotated[BonePoint, BeforeValidator(_bone)]
 
 
 class TargetKey(Model):
-    """What is to be met at a time. Free joints keep near to `angles` in degrees."""
+    """What is to be met at a time.
+
+    Free joints keep near to `angles` in degrees. Bones that are `still` stay where these angles put them.
+    """
 
     name: str | None = None
     time: float
     touch: tuple[tuple[End, End], ...] = ()
     reach: tuple[Goal, ...] = ()
+    still: tuple[Name, ...] = ()
     angles: dict[Name, float] = {}
 
 
@@ -110,4 +118,4 @@ def _radians(key: TargetKey) -> dict[str, float]:
 
 
 def _bones(key: TargetKey) -> list[str]:
-    return [p.bone for pair in key.touch for p in pair] + [goal.bone for goal in key.reach]
+    return [p.bone for pair in key.touch for p in pair] + [goal.bone for goal in key.reach] + [*key.still]

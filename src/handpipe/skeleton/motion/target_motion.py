@@ -1,13 +1,14 @@
 """Angles of frames from targets at times: inverse kinematics at keys, splines between them.
 
 Each key is solved by itself, from the pose that it names. A target that two successive keys share is met by
-the frames between them, too: each starts from the spline and keeps near to it.
+the frames between them, too. Each starts from the spline and keeps near to the poses that the keys name, as
+the keys do: the motion passes into them without a jump.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,11 +30,13 @@ OPTIONS = ReachOptions(rest_weight=2.0, tolerance=MET)  # mm that a rad from the
 NEAR = replace(OPTIONS, restarts=False)
 PARTINGS, LASTING = 6, 2  # rounds of pushing colliding bones apart; rounds for which a push lasts
 PUSH = 3.0  # a millimetre of penetration beside one of a target
-FACING, ARM = 0.15, 10.0  # weight of pads that face each other; mm along their normals where they do
+FACING, ARM = 0.15, 10.0  # weight of skin that faces each other; mm along its normals where it does
 BOX = np.radians(8.0)  # by which a frame between keys may leave the spline: neighbours stay neighbours
-PAD = 0.8  # of the way from a bone's joint to its end
+PAD, BACK = 0.8, 0.5  # of the way from a bone's joint to its end
+THIN = 0.4  # of the flesh of a pad that lies on the back of a bone
 
 Spot = tuple[str, str | tuple[float, float, float]]  # bone, and the place on it
+Touch = tuple[Spot, Spot]
 
 
 def read_target_motion(path: str | Path, rig: Rig) -> Motion:
@@ -58,10 +61,12 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
     """
     file, times = read_targets(path, rig.limits, rig.bones)
     solver = TargetSolver(rig, file.flesh, PoseValidity(rig))
-    found = [solver.key(key) for key in file.keys]
+    own = [solver.own_pose(key) for key in file.keys]
+    found = [solver.key(key, rest) for key, rest in zip(file.keys, own, strict=True)]
     said = [f"{name}: {reach}" for name, reach in zip(times.names, found, strict=True) if not reach.reached]
     at = times.frames
     frames = angles_between(times.times, [reach.angles for reach in found], rig.angle_names, at)
+    rests = angles_between(times.times, own, rig.angle_names, at)
     distances: dict[int, float] = {}
     for i, (key, time) in enumerate(zip(file.keys, times.times, strict=True)):
         if (key.touch or key.reach) and abs(time - round(time)) < 1e-6:
@@ -71,11 +76,12 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
         if not (touches or goals):
             continue
         paths = [_Path.through(file.keys, times.times, goal) for goal in goals]
+        still = set(pair[0].still) & set(pair[1].still)
         between = (at > times.times[first] + 1e-6) & (at < times.times[first + 1] - 1e-6)
         for frame in np.flatnonzero(between):
-            asked = [solver.meeting(*touch) for touch in touches]
-            asked += [solver.position(p.spot, p.at(at[frame])) for p in paths]
-            reach = solver.near(frames[frame], asked, solver.facing(touches), BOX)
+            places = {path.spot: path.at(at[frame]) for path in paths}
+            limits = solver.limits(frames[frame], still, BOX)
+            reach = solver.near(frames[frame], rests[frame], solver.asked(touches, places), limits)
             frames[frame], distances[int(frame)] = reach.angles, max(reach.distances)
             if not reach.reached:
                 said.append(f"{times.frame_names[frame]}: {max(reach.distances):.1f} mm are left")
@@ -104,6 +110,22 @@ class _Path:
         return place
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What angles are to do.
+
+    Parameters
+    ----------
+    targets : sequence of Target
+        What is to be met.
+    facing : sequence of Target
+        What counts less: that skin which touches faces each other.
+    """
+
+    targets: Sequence[Target] = ()
+    facing: Sequence[Target] = ()
+
+
 class TargetSolver:
     """Inverse kinematics of keys and frames, with bones kept out of one another."""
 
@@ -111,8 +133,12 @@ class TargetSolver:
         self.rig, self.validity = rig, validity
         self.joints, self.tips = joint_places(rig), bone_tips(rig)
         ends = self._ends()
-        self.normals = {b: n for b, end in ends.items() if (n := _palmar(rig, b, end)) is not None}
-        self.pads = {b: _pad(rig, b, ends[b], n, flesh) for b, n in self.normals.items()}
+        self.on_skin: dict[Spot, tuple[Array, Array]] = {}  # points (3,) and outward normals (3,), neutral
+        for bone, end in ends.items():
+            if (normal := _palmar(rig, bone, end)) is not None:
+                pad = _skin(rig, bone, end, PAD, normal, flesh)
+                back = _skin(rig, bone, end, BACK, -normal, THIN * flesh)
+                self.on_skin |= {(bone, "pad"): (pad, normal), (bone, "back"): (back, -normal)}
 
     def _ends(self) -> dict[str, Array]:
         """The far end of every bone that has a joint: its tip, or the mean of the joints that it carries."""
@@ -122,34 +148,53 @@ class TargetSolver:
         }
         return carried | self.tips
 
-    def key(self, key: TargetKey) -> Reach:
-        """A key's own pose brought to its targets."""
-        rest = dict.fromkeys(self.rig.angle_names, 0.0)
-        rest |= {name: float(np.radians(value)) for name, value in key.angles.items()}
-        touches = [(_spot(a), _spot(b)) for a, b in key.touch]
-        asked: list[Target] = [self.meeting(*touch) for touch in touches]
-        asked += [self.position(_spot(goal), np.array(goal.to)) for goal in key.reach]
-        found = self.near(rest, asked, self.facing(touches))
+    def own_pose(self, key: TargetKey) -> dict[str, float]:
+        """The angles in rad that a key names; 0 for all others."""
+        named = {name: float(np.radians(value)) for name, value in key.angles.items()}
+        return dict.fromkeys(self.rig.angle_names, 0.0) | named
+
+    def key(self, key: TargetKey, rest: Mapping[str, float]) -> Reach:
+        """A key's own pose, `rest`, brought to its targets."""
+        places = {_spot(goal): np.array(goal.to) for goal in key.reach}
+        asked = self.asked([(_spot(a), _spot(b)) for a, b in key.touch], places)
+        limits = self.limits(rest, key.still)
+        found = self.near(rest, rest, asked, limits)
         if found.reached:
             return found
-        other = solve(self.rig, asked, start=rest, rest=rest, options=OPTIONS)
-        other = self.near(other.angles, asked, self.facing(touches))
-        return min(found, other, key=lambda r: max(r.distances))
+        other = solve(self.rig, asked.targets, start=rest, rest=rest, limits=limits, options=OPTIONS)
+        return min(found, self.near(other.angles, rest, asked, limits), key=lambda r: max(r.distances))
 
-    def near(
-        self,
-        angles: Mapping[str, float],
-        targets: Sequence[Target],
-        further: Sequence[Target] = (),
-        box: float = np.inf,
-    ) -> Reach:
-        """Angles near given ones, by `box` in rad, that meet targets; bones that collide are pushed apart."""
-        limits = {
-            name: (max(low, angles[name] - box), min(high, angles[name] + box))
+    def asked(self, touches: Sequence[Touch], places: Mapping[Spot, Array]) -> Asked:
+        """Spots that are to meet, and spots that are to be at places (3,) in mm."""
+        targets: list[Target] = [Meeting(a[0], self._point(a), b[0], self._point(b)) for a, b in touches]
+        targets += [Position(spot[0], self._point(spot), place) for spot, place in places.items()]
+        facing = [target for touch in touches for target in self._facing(touch)]
+        return Asked(targets, facing)
+
+    def limits(self, angles: Mapping[str, float], still: Iterable[str] = (), box: float = np.inf) -> Limits:
+        """The rig's limits in rad within a box about angles; joints of still bones keep these angles."""
+        fixed = self._angles_that_move(still)
+        boxes = {name: 0.0 if name in fixed else box for name in self.rig.limits}
+        return {
+            name: (max(low, angles[name] - boxes[name]), min(high, angles[name] + boxes[name]))
             for name, (low, high) in self.rig.limits.items()
         }
-        further = list(further)
-        reach = self._solved(targets, further, angles, angles, limits)
+
+    def _angles_that_move(self, bones: Iterable[str]) -> set[str]:
+        """Names of the angles of all joints between bones and the root."""
+        joints = {joint.child: joint for joint in self.rig.joints}
+        found: set[str] = set()
+        for bone in bones:
+            while (joint := joints.get(bone)) is not None:
+                found |= set(joint.angles)
+                bone = joint.parent
+        return found
+
+    def near(
+        self, start: Mapping[str, float], rest: Mapping[str, float], asked: Asked, limits: Limits
+    ) -> Reach:
+        """Angles near `rest`, from a start, that do what is asked; bones that collide are pushed apart."""
+        reach = self._solved(asked, [], start, rest, limits)
         rounds: list[list[Target]] = []
         for _ in range(PARTINGS):
             contacts = self.validity.contacts(reach.angles)
@@ -159,45 +204,37 @@ class TargetSolver:
                 [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed, PUSH) for c in contacts]
             )
             pushes = [push for each in rounds[-LASTING:] for push in each]
-            reach = self._solved(targets, [*further, *pushes], reach.angles, angles, limits)
+            reach = self._solved(asked, pushes, reach.angles, rest, limits)
         return reach
 
     def _solved(
         self,
-        targets: Sequence[Target],
-        further: Sequence[Target],
+        asked: Asked,
+        pushes: Sequence[Target],
         start: Mapping[str, float],
         rest: Mapping[str, float],
         limits: Limits,
     ) -> Reach:
-        """Angles by all targets, with the distances of the first ones alone."""
-        found = solve(self.rig, [*targets, *further], start=start, rest=rest, limits=limits, options=NEAR)
-        left = found.distances[: len(targets)]
+        """Angles by all that is asked, with the distances of the targets alone."""
+        every = [*asked.targets, *asked.facing, *pushes]
+        found = solve(self.rig, every, start=start, rest=rest, limits=limits, options=NEAR)
+        left = found.distances[: len(asked.targets)]
         return Reach(found.angles, left, found.at_limits if max(left, default=0.0) > MET else {}, MET)
 
-    def facing(self, touches: Sequence[tuple[Spot, Spot]]) -> list[Target]:
-        """That pads which touch face each other: a point before each is to be behind the other."""
-        found: list[Target] = []
-        for a, b in touches:
-            if a[1] == b[1] == "pad" and a[0] in self.normals and b[0] in self.normals:
-                for first, second in ((a, b), (b, a)):
-                    before = self._point(first) + ARM * self.normals[first[0]]
-                    behind = self._point(second) - ARM * self.normals[second[0]]
-                    found.append(Meeting(first[0], before, second[0], behind, FACING))
-        return found
-
-    def meeting(self, first: Spot, second: Spot) -> Target:
-        """That two spots meet."""
-        return Meeting(first[0], self._point(first), second[0], self._point(second))
-
-    def position(self, spot: Spot, place: Array) -> Target:
-        """That a spot is at a place (3,) in mm."""
-        return Position(spot[0], self._point(spot), place)
+    def _facing(self, touch: Touch) -> list[Target]:
+        """That skin which touches faces each other: a point before each place is to be behind the other."""
+        if not all(spot in self.on_skin for spot in touch):
+            return []
+        (a, at_a, from_a), (b, at_b, from_b) = ((spot[0], *self.on_skin[spot]) for spot in touch)
+        return [
+            Meeting(a, at_a + ARM * from_a, b, at_b - ARM * from_b, FACING),
+            Meeting(b, at_b + ARM * from_b, a, at_a - ARM * from_a, FACING),
+        ]
 
     def _point(self, spot: Spot) -> Array:
         bone, at = spot
-        if at == "pad" and bone in self.pads:
-            return self.pads[bone]
+        if spot in self.on_skin:
+            return self.on_skin[spot][0]
         if isinstance(at, str):
             return self.tips.get(bone, self.rig.surfaces[bone].vertices.mean(axis=0))
         return np.array(at, float)
@@ -207,7 +244,7 @@ def _spot(place: BonePoint | Goal) -> Spot:
     return place.bone, place.at
 
 
-def _shared(first: TargetKey, second: TargetKey) -> tuple[list[tuple[Spot, Spot]], list[Spot]]:
+def _shared(first: TargetKey, second: TargetKey) -> tuple[list[Touch], list[Spot]]:
     """Touches, and points with goals, that both keys have."""
     pairs = [[(_spot(a), _spot(b)) for a, b in key.touch] for key in (first, second)]
     goals = [[_spot(goal) for goal in key.reach] for key in (first, second)]
@@ -224,10 +261,10 @@ def _palmar(rig: Rig, bone: str, end: Array) -> Array | None:
     return normal / size if size > 0 else None
 
 
-def _pad(rig: Rig, bone: str, end: Array, normal: Array, flesh: float) -> Array:
-    """Neutral point (3,) in mm on the skin of a bone's palmar side, near its end."""
+def _skin(rig: Rig, bone: str, end: Array, share: float, normal: Array, flesh: float) -> Array:
+    """Neutral point (3,) in mm on the skin, a share of the way to a bone's end, out along a unit normal."""
     joint = next(j for j in rig.joints if j.child == bone)
-    inside: Array = joint.fit.centre + PAD * (end - joint.fit.centre)
+    inside: Array = joint.fit.centre + share * (end - joint.fit.centre)
     vertices = rig.surfaces[bone].vertices
     close = np.linalg.norm(np.cross(vertices - inside, normal), axis=1) < 3.0  # mm from the line outwards
     surface = float(((vertices - inside) @ normal)[close].max(initial=0.0))
