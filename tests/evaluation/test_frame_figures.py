@@ -77,7 +77,7 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: bones penetrate each other: good (a b, 0.40 mm).",
         "Scene close: contact has not settled: tangled (muscles).",
         "Scene close: an organ folds into itself: tangled (muscles).",
-        "Scene close: muscles lie in bones or in one another: tangled (muscles: 0.70 mm).",
+        "Scene close: organs lie in bones or in one another: tangled (muscles: 0.70 mm).",
         "Scene close: inverted tets are handed on: tangled (fat: 2, least det F -0.14).",
         "Scene close: tissue penetrates the organs inside: tangled (fat: 1.60 mm).",
         "Scene close: the skin penetrates itself: tangled (fat: 0.05 mm).",

@@ -1,4 +1,4 @@
-"""A ligament: its placed template as an elastic body on its bones, without contact (Zheng 2022 §4.1)."""
+"""A ligament: its placed template as an elastic body on its bones (Zheng 2022 §4.1)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

@@ -217,7 +217,7 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             layer = name.removesuffix("_skin_crossings")
             yield "the skin crosses itself", f"{layer}: {_number(row, name):.0f} edges through triangles"
         if name.endswith("_body_penetration") and _positive(row, name, PENETRATION):
-            yield "muscles lie in bones or in one another", _depth(row, name, "_body_penetration")
+            yield "organs lie in bones or in one another", _depth(row, name, "_body_penetration")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):

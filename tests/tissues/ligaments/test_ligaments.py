@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import trimesh
 from tests.tissues.muscles.shapes import hinge, hinge_bones, spindle
 
 from handpipe.core.errors import ConvergenceError
 from handpipe.core.layers import Frame
 from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.skeleton.posing.layer import BoneLayer
 from handpipe.tissues.ligaments.fitting import fit_ligament
@@ -49,6 +51,21 @@ def test_after_another_frame_it_has_the_same_shape():
     found = ligaments.solve_after((frames[0], {**bones[0], "ligaments": before}), frames[1], bones[1])
     assert found["l"].vertices == pytest.approx(alone["l"].vertices, abs=1e-3)
     assert np.abs(before["l"].vertices - alone["l"].vertices).max() > 0.5
+
+
+def test_a_bone_between_its_ends_keeps_it_out():
+    """A third bone comes from the side, by 2 mm into where the ligament lies."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=8.0)
+    side = spindle().surface.vertices[:, 1].max()
+    centre = np.array([0.0, side + 6.0, 0.0])
+    bones = hinge_bones() | {"c": Surface(ball.vertices + [0.0, 30.0, 0.0], ball.faces)}
+    near = RigidTransform(np.eye(3), centre - [0.0, 30.0, 0.0])
+    frame = Frame("pose", {}, {"a": RigidTransform.identity(), "b": RigidTransform.identity(), "c": near})
+    found = layer().solve(frame, {"bones": BoneLayer(bones).solve(frame, {})})["l"]
+    depths = 8.0 - np.linalg.norm(found.vertices - centre, axis=1)
+    before = 8.0 - np.linalg.norm(found.rest - centre, axis=1)
+    assert before.max() > 1.5 and depths.max() < 0.25
+    assert found.figures["body_penetration"] == pytest.approx(max(depths.max(), 0.0), abs=0.05)
 
 
 def test_bones_that_part_stretch_it():

@@ -1,4 +1,4 @@
-"""A ligament: its placed template as an elastic body on its bones, without contact (Zheng 2022 §4.1)."""
+"""A ligament: its placed template as an elastic body on its bones (Zheng 2022 §4.1)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Inputs(Files):
 
 
 def fit_ligament(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
-    """A ligament: its placed template as an elastic body on its bones, without contact (Zheng 2022 §4.1)."""
+    """A ligament: its placed template as an elastic body on its bones (Zheng 2022 §4.1)."""
     rig = Rig.load(inputs.rig)
     [guess] = read_guesses(inputs.templates, [name]).values()
     ligament = fitting.fit_ligament(name, guess, rig.parents, dataset.neutral)

@@ -198,7 +198,8 @@ class MuscleLayer:
         if _settled(shapes_after):
             return shapes_after
         log.info(
-            "muscles of %s: contact not settled after %s; retrying from their own initial guess",
+            "%s of %s: contact not settled after %s; retrying from their own initial guess",
+            self.name,
             frame.name,
             then.name,
         )
@@ -302,7 +303,7 @@ class MuscleLayer:
             potentials = [*free, *self._contacts(obstacles, x)]
             return self._equilibrium(potentials, x, frame, enough=enough)
 
-        name = f"muscles of {frame}"
+        name = f"{self.name} of {frame}"
         return settle(in_place, x, self.options.contacts, name, mover=self._mover, parts=self.parts)
 
     def _scene(
@@ -319,14 +320,14 @@ class MuscleLayer:
             return self._equilibrium([*free, *contact], start, frame, exactly)
 
         young, rest = float(np.max(self.options.material.young)), self.elastic.vertices
-        name = f"muscles of {frame}"
+        name = f"{self.name} of {frame}"
         return Scene(name, bodies, rest, young, self.options.contact, planes, solve)
 
     def _require_apart(self, bodies: Bodies, x: Array, frame: Frame) -> None:
         """Raise `ConvergenceError` where muscles behind a barrier cross, with bones near them at x (N, 3)."""
         found = bodies.crossings(x)
         if len(found.edges):
-            raise no_room(f"muscles of {frame.name}", bodies, x, found)
+            raise no_room(f"{self.name} of {frame.name}", bodies, x, found)
 
     def _with_penetration(self, shapes: Shapes, bones: Mapping[str, Distance], frame: str) -> Shapes:
         """The shapes with how deep muscles lie in bones and in one another."""
@@ -337,7 +338,7 @@ class MuscleLayer:
             posed.append(Posed(muscle.name, surface, held, bool(shape.figures["cuts_itself"])))
         found = Penetration.of(posed, bones)
         if found.place:
-            log.info("muscles of %s: %.2f mm deep at most: %s", frame, found.depths.max(), found.place)
+            log.info("%s of %s: %.2f mm deep at most: %s", self.name, frame, found.depths.max(), found.place)
         return shapes | {
             m.name: replace(
                 shapes[m.name], figures={**shapes[m.name].figures, "body_penetration": float(depth)}
@@ -427,7 +428,7 @@ class MuscleLayer:
             barrier=True,
             single=True,
             enough=enough,
-            name=f"muscles of {frame}",
+            name=f"{self.name} of {frame}",
         )
         if not exactly:
             options = replace(options, **ROUGHLY)
