@@ -26,11 +26,13 @@ class JobName(NamedTuple):
 @dataclass(frozen=True)
 class JobPlan:
     """compared: what Snakemake compares with the last run, its parameters and input files, by job;
-    needs: the jobs of which a job takes files; costs: benchmark files of jobs that have one."""
+    needs: the jobs of which a job takes files; costs: benchmark files of jobs that have one; threads: of two
+    cores."""
 
     compared: Mapping[JobName, tuple[object, ...]]
     needs: Mapping[JobName, frozenset[JobName]]
     costs: Mapping[JobName, Path] = field(default_factory=dict)
+    threads: Mapping[JobName, int] = field(default_factory=dict)
 
     def rules(self) -> set[str]:
         return {job.rule for job in self.compared}
@@ -57,7 +59,7 @@ def plan(folder: Path, targets: Sequence[str], config: Mapping[str, Any] | None 
     with warnings.catch_warnings(), SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         warnings.simplefilter("ignore")
         started = api.workflow(
-            resource_settings=ResourceSettings(cores=1),
+            resource_settings=ResourceSettings(cores=2),
             config_settings=ConfigSettings(configfiles=files, config=dict(config or {})),
             workdir=folder,
             snakefile=folder / "Snakefile",
@@ -71,4 +73,5 @@ def plan(folder: Path, targets: Sequence[str], config: Mapping[str, Any] | None 
             {name: (*kept._params(job), None, *kept._input(job)) for job, name in names.items()},
             {name: frozenset(names[d] for d in dag.dependencies[job]) for job, name in names.items()},
             {name: Path(job.benchmark) for job, name in names.items() if job.benchmark},
+            {name: job.threads for job, name in names.items()},
         )

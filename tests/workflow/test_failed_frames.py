@@ -3,6 +3,7 @@
 import contextlib
 import json
 from pathlib import Path
+from textwrap import indent
 
 import numpy as np
 import pygltflib
@@ -32,6 +33,7 @@ RULES = (
     "simulation",
 )
 BAD = "a {bad}/../ö"
+CALL = "\n        simulate(\n"
 FAILS = f"""
     import handpipe.stages.hand.simulate as stage_module
     from handpipe.skeleton.posing.layer import BoneLayer
@@ -90,7 +92,7 @@ def test_a_failed_frame_is_named_left_out_and_simulated_again(small: Path) -> No
     )
     script = small / "workflow/scripts/simulate.py"
     text = script.read_text(encoding="utf-8")
-    script.write_text(text.replace("\n    simulate(\n", f"{FAILS}\n    simulate(\n", 1), encoding="utf-8")
+    script.write_text(text.replace(CALL, indent(FAILS, "    ") + CALL, 1), encoding="utf-8")
 
     code, said, solved = build(small)
     assert code != 0 and solved == sorted(["rest", BAD, "end", "after"])

@@ -49,6 +49,20 @@ def test_a_chunk_goes_on_from_the_one_before_where_frames_follow_one_another(ben
         assert before == (chain if follow else dict.fromkeys(chain, []))
 
 
+def test_frames_that_follow_one_another_take_two_processes_where_they_have_fat(bench: Workbench) -> None:
+    given = {"frames": "config/scenes/numbers.csv", "chunk": 360}
+    threads = {}
+    for name, layers, follow in (
+        ("following", ["bones", "fat"], True),
+        ("alone", ["bones", "fat"], False),
+        ("rigid", ["bones"], True),
+    ):
+        bench.write(f"scenes/{name}", {**given, "layers": layers, "follow": follow})
+        found = bench.plan("phantom-hand-preview", scenes=[name]).threads
+        [threads[name]] = {count for job, count in found.items() if job.rule == "simulate"}
+    assert threads == {"following": 2, "alone": 1, "rigid": 1}
+
+
 def test_a_build_of_absent_recordings_alone_is_refused(bench: Workbench) -> None:
     with pytest.raises(WorkflowError, match="the recording of every scene is absent"):
         bench.plan("phantom-hand-preview", scenes=["absent"])

@@ -8,6 +8,7 @@ import subprocess
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from textwrap import indent
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ ON_CLUSTER = (
     "--slurm-init-seconds-before-status-checks=2",
 )
 # At its first call the slow frame tells its process and waits to be killed.
+CALL = "\n        simulate(\n"
 WAITS = f"""
     import os, time
     from handpipe.skeleton.posing.layer import BoneLayer
@@ -72,7 +74,7 @@ def write_sequence(folder: Path) -> None:
     )
     script = folder / "workflow/scripts/simulate.py"
     text = script.read_text(encoding="utf-8")
-    script.write_text(text.replace("\n    simulate(\n", f"{WAITS}\n    simulate(\n", 1), encoding="utf-8")
+    script.write_text(text.replace(CALL, indent(WAITS, "    ") + CALL, 1), encoding="utf-8")
 
 
 def build_and_kill_a_worker(folder: Path, node: Node) -> str:

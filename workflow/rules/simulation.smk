@@ -39,7 +39,8 @@ rule simulate:
         paths.log_of("simulate", "scene", "chunk"),
     benchmark:
         paths.cost_of("simulate", "scene", "chunk")
-    threads: 1
+    # Where frames follow one another, two processes: one for the fat, one a frame ahead for what is under it.
+    threads: lambda w: 2 if scene(w.scene).follow and "fat" in scene(w.scene).needed else 1
     resources:
         mem_mb=3000,
         runtime=30,

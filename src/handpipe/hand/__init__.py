@@ -26,8 +26,16 @@ if TYPE_CHECKING:
     from handpipe.hand.layer_loading import load_layers
     from handpipe.hand.moved_image import grid_around, places_in_neutral, skin_of
     from handpipe.hand.part import FINGERS, part_of
-    from handpipe.hand.resume import key_of
-    from handpipe.hand.simulation import Failure, Simulated, SimulatedFrame, simulate, simulate_frame
+    from handpipe.hand.simulation import (
+        Failure,
+        Simulated,
+        SimulatedFrame,
+        inner_and_outer,
+        key_of,
+        simulate,
+        simulate_frame,
+        simulated_ahead,
+    )
     from handpipe.hand.subject import (
         joint_limits,
         named_files,
@@ -57,6 +65,7 @@ __all__ = [
     "finished_frames",
     "frame_angles",
     "grid_around",
+    "inner_and_outer",
     "joint_limits",
     "key_of",
     "labelled_bones",
@@ -77,6 +86,7 @@ __all__ = [
     "shown",
     "simulate",
     "simulate_frame",
+    "simulated_ahead",
     "skin_of",
     "surfaces_once",
     "surface_triangles",

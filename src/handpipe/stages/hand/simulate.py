@@ -10,10 +10,21 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from handpipe.core import Layer
 from handpipe.core.configuration import Dataset, Scene
-from handpipe.hand import Simulated, finished_frames, key_of, load_layers, read_simulated, write_frames
+from handpipe.hand import (
+    Simulated,
+    finished_frames,
+    inner_and_outer,
+    key_of,
+    load_layers,
+    read_simulated,
+    simulated_ahead,
+    write_frames,
+)
 from handpipe.hand import simulate as simulate_frames
 from handpipe.skeleton.motion import RATE
 from handpipe.skeleton.rig import Rig
@@ -35,42 +46,68 @@ class Inputs(Files):
     before: Path | None = None
 
 
-def simulate(
-    inputs: Inputs,
-    output: Path,
-    dataset: Dataset,
-    scene: Scene,
-    chunk: int,
-    partial: Path,
-    made_of: Mapping[str, str],
-) -> None:
-    """One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
+@dataclass(frozen=True)
+class Chunk:
+    """Which frames a job makes, and how.
 
-    partial: finished frames of a killed job, or of one with failed frames; they are not made again where
-    layers and `made_of` are the same. Where frames follow one another, those after a missing one are.
+    Parameters
+    ----------
+    number : int
+        Number of the range of frames in the scene.
+    partial : Path
+        Finished frames of a killed job, or of one with failed frames. They are not made again where layers
+        and `made_of` are the same. Where frames follow one another, those after a missing one are.
+    made_of : mapping of str to str
+        The digest of the code and the like.
+    threads : int
+        With two, the layers under the fat are simulated in a process of their own, a frame ahead.
     """
-    rig = Rig.load(inputs.rig)
-    wanted = driven_frames(inputs.frames, rig, dataset, scene, chunk)
-    layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
+
+    number: int
+    partial: Path
+    made_of: Mapping[str, str]
+    threads: int = 1
+
+
+def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk: Chunk) -> None:
+    """One chunk of a scene's frames, with every layer that the scene needs; failed frames are left out."""
+    wanted = driven_frames(inputs.frames, Rig.load(inputs.rig), dataset, scene, chunk.number)
     asked: dict[str, str | Sequence[str]] = {"layers": scene.needed}
     if scene.muscle_barrier:
-        layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
         asked["muscle_barrier"] = "true"
     if scene.follow:
         asked["follow"] = "true"
     if scene.viscosity:
-        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, TissueLayer) else x for x in layers]
         asked["viscosity"] = str(scene.viscosity)
     made_from = [path for path in (inputs.rig, *inputs.layers, inputs.before) if path is not None]
-    key = key_of(made_from, {**made_of, **asked})
-    kept = _FinishedFrames(partial, key, len(wanted))
-    done = finished_frames(partial, key, wanted)
+    key = key_of(made_from, {**chunk.made_of, **asked})
+    kept = _FinishedFrames(chunk.partial, key, len(wanted))
+    done = finished_frames(chunk.partial, key, wanted)
     earlier = [] if inputs.before is None else read_simulated(inputs.before)[0]
-    found = simulate_frames(wanted, layers, done, kept.keep, scene.follow, earlier[-1] if earlier else None)
+    before = earlier[-1] if earlier else None
+    layers, ahead = layers_of(inputs, dataset, scene), None
+    if chunk.threads > 1 and scene.follow:
+        layers = inner_and_outer(layers)[1]
+        ahead = partial(simulated_ahead, partial(_inner_layers, inputs, dataset, scene))
+    found = simulate_frames(wanted, layers, done, kept.keep, scene.follow, before, ahead)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
-    partial.unlink(missing_ok=True)
+    chunk.partial.unlink(missing_ok=True)
     for failure in found.failures:
         print(f"handpipe: simulate: {failure}", file=sys.stderr)
+
+
+def layers_of(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
+    """The layers that a scene needs, as it asks for them."""
+    layers = load_layers(scene.needed, dataset, inputs.layers, Rig.load(inputs.rig).surfaces)
+    if scene.muscle_barrier:
+        layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
+    if scene.viscosity:
+        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, TissueLayer) else x for x in layers]
+    return layers
+
+
+def _inner_layers(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
+    return inner_and_outer(layers_of(inputs, dataset, scene))[0]
 
 
 @dataclass

@@ -8,12 +8,14 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 
 from handpipe.core import (
+    LAYERS,
     ConvergenceError,
     FollowingLayer,
     Frame,
@@ -50,6 +52,10 @@ class Failure:
     def __str__(self) -> str:
         """One line: the frame, the layer and the reason."""
         return f"frame {self.frame}: {self.layer}: {self.reason}"
+
+
+Attempt = SimulatedFrame | Failure
+Ahead = Callable[[Sequence[Frame], SimulatedFrame | None], Iterator[Attempt]]
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,7 @@ def simulate(
     keep: Callable[[Simulated], None] | None = None,
     follow: bool = False,
     before: SimulatedFrame | None = None,
+    ahead: Ahead | None = None,
 ) -> Simulated:
     """Simulate all frames; failed frames are absent from the result and named in its failures.
 
@@ -128,28 +135,35 @@ def simulate(
     follow : bool
         Start each frame from the last one that was simulated, where a layer can, and from its own start where
         that fails. Then a frame depends on those before it: `done` counts up to the first frame that is not
-        in it.
+        in it. The layers under the fat follow the last frame in which they were simulated.
     before : SimulatedFrame, optional
         The frame from which the first one starts, if they follow one another.
+    ahead : callable, optional
+        From frames, and the one before them, to attempts of the layers under `layers`, as `simulated_ahead`
+        gives them. Without it `layers` are all layers.
 
     Returns
     -------
     Simulated
         Finished frames and failures.
     """
-    frames, done, found = list(frames), done or {}, Simulated()
+    frames, found = list(frames), Simulated()
+    finished: Mapping[str, SimulatedFrame] = done or {}
+    if follow:
+        first = takewhile(lambda frame: frame.name in finished, frames)
+        finished = {frame.name: finished[frame.name] for frame in first}
+        before = [before, *finished.values()][-1]
+    wanted = [frame for frame in frames if frame.name not in finished]
+    inner, outer = inner_and_outer(layers)
+    below = ahead(wanted, before) if ahead else attempts(wanted, inner, follow, before)
+    results = attempts(wanted, outer, follow, before, below)
     start = time.perf_counter()
     for count, frame in enumerate(frames, start=1):
-        result: SimulatedFrame | Failure | None = done.get(frame.name)
-        if result is None:
-            if follow:
-                done, before = {}, _with_aids(before, layers)
-            result = _attempt(frame, layers, before if follow else None)
+        result = finished[frame.name] if frame.name in finished else next(results)
         if isinstance(result, Failure):
             found.failures.append(result)
         else:
             found.frames.append((frame, _organs(result[1])))
-            before = result
         if keep is not None:
             keep(found)
         elapsed = time.perf_counter() - start
@@ -157,11 +171,65 @@ def simulate(
     return found
 
 
+def inner_and_outer(layers: Iterable[Layer]) -> tuple[list[Layer], list[Layer]]:
+    """Layers under the fat, and the fat or the skin, which they do not depend on.
+
+    Parameters
+    ----------
+    layers : iterable of Layer
+        Layers, inside out.
+
+    Returns
+    -------
+    inner, outer : list of Layer
+        The two parts.
+    """
+    layers = list(layers)
+    outer = [layer for layer in layers if layer.name in LAYERS and LAYERS[layer.name].role == "outer"]
+    return [layer for layer in layers if layer not in outer], outer
+
+
+def attempts(
+    frames: Iterable[Frame],
+    layers: Sequence[Layer],
+    follow: bool = False,
+    before: SimulatedFrame | None = None,
+    below: Iterator[Attempt] | None = None,
+) -> Iterator[Attempt]:
+    """Frames one after the other, each simulated when it is asked for.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        Poses to be simulated.
+    layers : sequence of Layer
+        Layers, inside out.
+    follow : bool
+        Start each frame from the last one that these layers were simulated in.
+    before : SimulatedFrame, optional
+        The frame from which the first one starts, if they follow one another.
+    below : iterator of SimulatedFrame or Failure, optional
+        The same frames with the layers under these.
+
+    Yields
+    ------
+    SimulatedFrame or Failure
+        A frame with all layers and those below, or why there is none.
+    """
+    before = _with_aids(before, layers) if follow else None
+    for frame in frames:
+        under = next(below) if below is not None else (frame, {})
+        result = under if isinstance(under, Failure) else _attempt(frame, layers, before, under[1])
+        if follow and not isinstance(result, Failure):
+            before = result
+        yield result
+
+
 def _attempt(
-    frame: Frame, layers: Sequence[Layer], before: SimulatedFrame | None
-) -> SimulatedFrame | Failure:
+    frame: Frame, layers: Sequence[Layer], before: SimulatedFrame | None, under: Mapping[str, Shapes]
+) -> Attempt:
     """The simulated frame, or why there is none; the traceback of an unexpected error is in the log."""
-    shapes: dict[str, Shapes] = {}
+    shapes = dict(under)
     for layer in layers:
         try:
             if not shapes:  # the first layer is to name a frame that is no posture
