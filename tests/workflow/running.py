@@ -13,6 +13,7 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).parents[2]
 TOY = "--configfile=config/finger.yaml"  # what is built where nothing else is named
+CORES = "--cores=2"
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
@@ -28,7 +29,7 @@ def working_copy(folder: Path) -> Path:
 
 def command(arguments: Sequence[str]) -> list[str]:
     """The command line of a build, of the toy unless the arguments say otherwise."""
-    return [sys.executable, "-m", "snakemake", TOY, *arguments]
+    return [sys.executable, "-m", "snakemake", TOY, CORES, *arguments]
 
 
 def watching(folder: Path) -> dict[str, str]:
@@ -45,7 +46,7 @@ def run(
     environment: variables beside those of `ENVIRONMENT`; with them, its libraries are imported anew.
     """
     if environment is None:
-        return _warm_run(folder, [TOY, *arguments])
+        return _warm_run(folder, [TOY, CORES, *arguments])
     return subprocess.run(
         command(arguments),
         cwd=folder,

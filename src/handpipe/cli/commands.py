@@ -117,7 +117,7 @@ def build(
     scene: Scenes = None,
     configfile: Configuration = None,
     stage: Stage = "all",
-    cores: Annotated[int | None, typer.Option(min=1, help="jobs at a time")] = None,
+    cores: Annotated[int, typer.Option(min=1, help="cores to use")] = 2,
 ) -> int:
     """Build the subject; go on where an earlier build ended."""
     _dataset_file(subject)
@@ -136,7 +136,7 @@ def status(
     scene: Scenes = None,
     configfile: Configuration = None,
     stage: Stage = "all",
-    cores: Annotated[int, typer.Option(min=1, help="jobs at a time, for the time that is left")] = 2,
+    cores: Annotated[int, typer.Option(min=1, help="cores, for the time that is left")] = 2,
 ) -> None:
     """Tell which jobs are done, running and to do, and how long the rest takes by earlier jobs."""
     _dataset_file(subject)
@@ -187,7 +187,7 @@ def play(
         str, typer.Option("--scene", metavar="SCENE", help="of random poses, or at a level that is learned")
     ],
     configfile: Configuration = None,
-    cores: Annotated[int | None, typer.Option(min=1, help="jobs at a time")] = None,
+    cores: Annotated[int, typer.Option(min=1, help="cores to use")] = 2,
     browser: Annotated[bool, typer.Option(help="open the page; its address is printed anyway")] = True,
 ) -> int:
     """Open a page that moves the hand learned from a scene; build what is missing first."""
@@ -210,7 +210,7 @@ def shards(
     subject: Subject,
     scene: Annotated[str, typer.Option("--scene", metavar="SCENE", help="of random poses")],
     configfile: Configuration = None,
-    cores: Annotated[int | None, typer.Option(min=1, help="jobs at a time")] = None,
+    cores: Annotated[int, typer.Option(min=1, help="cores to use")] = 2,
 ) -> int:
     """Write the frames of a scene as a training set: shards of arrays and an index; go on where it ended."""
     _dataset_file(subject)

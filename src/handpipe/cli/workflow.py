@@ -53,23 +53,22 @@ def require_project() -> None:
         raise InputError("Snakefile", "folder", problem, "Change to the folder of the project first")
 
 
-def run(build: Build, cores: int | None = None) -> int:
+def run(build: Build, cores: int) -> int:
     """Build; what the workflow says goes to the terminal.
 
     Parameters
     ----------
     build : Build
         What to build.
-    cores : int, optional
-        Jobs at a time; those of the default profile where None.
+    cores : int
+        Jobs at a time.
 
     Returns
     -------
     int
         Exit code of the workflow: 0 where all is built.
     """
-    limit = [] if cores is None else ["--cores", str(cores)]
-    return subprocess.run(_command([*build.arguments(), *limit]), check=False).returncode
+    return subprocess.run(_command([*build.arguments(), "--cores", str(cores)]), check=False).returncode
 
 
 def job_counts(build: Build) -> tuple[dict[str, int], dict[str, int]]:
