@@ -144,7 +144,7 @@ def test_scene_needs_exactly_what_its_layers_stand_on():
         Scene(layers=("fat",), frames="x.csv", viscosity=0.04)
     with pytest.raises(ValueError, match="equilibria: a viscous tissue is at none"):
         Scene(layers=("fat",), frames="x.csv", viscosity=0.04, follow=True, equilibria=True)
-    with pytest.raises(ValueError, match="viscosity: needs fat or skin"):
+    with pytest.raises(ValueError, match="viscosity: needs muscles, ligaments, fat or skin"):
         Scene(layers=("muscles",), frames="x.csv", viscosity=0.04, follow=True)
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
     assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "muscles"]

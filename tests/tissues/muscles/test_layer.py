@@ -319,6 +319,23 @@ def test_after_another_frame_touching_muscles_rest_in_the_same_shape():
     assert after["low"].figures["contact_renewals"] < alone["low"].figures["contact_renewals"]
 
 
+@pytest.mark.parametrize("ratio", [0.5, 2.0])
+def test_a_viscous_muscle_makes_a_share_of_its_way_to_rest(ratio):
+    """Small strains, the limb at rest: two equal bodies of stiffness 1 and `ratio` pull it to both ends."""
+    still = SimulationOptions(bed=0.0)
+    layer = MuscleLayer([muscle("m")], still, contact=False).viscous(ratio)
+    pose = Frame("pose", {}, hinge(0.0))
+    below = {"bones": BoneLayer(hinge_bones()).solve(pose, {})}
+    rest = layer.solve(pose, below)["m_mesh"]
+    middle = np.maximum(1.0 - (rest.rest[:, 0] / 8.0) ** 2, 0.0)  # the ends are attached
+    pushed = replace(rest, vertices=rest.vertices + 0.02 * middle[:, None] * [0.3, 1.0, -0.5])
+    found = layer.solve_after((pose, {**below, "muscles": {"m_mesh": pushed}}), pose, below)["m_mesh"]
+    expected = (rest.vertices + ratio * pushed.vertices) / (1.0 + ratio)
+    assert np.abs(found.vertices - expected).max() < 0.02 * 0.02
+    again = layer.viscous(0.0).solve_after((pose, {**below, "muscles": {"m_mesh": pushed}}), pose, below)
+    assert np.abs(again["m_mesh"].vertices - rest.vertices).max() < 0.02 * 0.02
+
+
 def test_after_another_frame_a_muscle_starts_turned_with_its_limb():
     known, pose = known_beside_its_flesh()
     layer = MuscleLayer([known], contact=False)

@@ -56,7 +56,7 @@ class Scene(Model):
     viscosity: float = Field(
         0.0,
         ge=0,
-        description="s; retardation time of fat and skin in frames that `follow` one another, 24 a second: "
+        description="s; retardation time of soft tissues in frames that `follow` one another, 24 a second: "
         "folds then give way over some frames instead of within one",
     )
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
@@ -146,8 +146,10 @@ class Scene(Model):
             raise ValueError("delta_mush: smooths what carries the scan: add `scan: true`")
         if self.muscle_barrier and "muscles" not in self.needed:
             raise ValueError("muscle_barrier: needs muscles among the layers: it keeps these alone apart")
-        if self.viscosity and not {"fat", "skin"} & set(self.needed):
-            raise ValueError("viscosity: needs fat or skin among the layers: it is theirs")
+        if self.viscosity and not {"muscles", "ligaments", "fat", "skin"} & set(self.needed):
+            raise ValueError(
+                "viscosity: needs muscles, ligaments, fat or skin among the layers: it is theirs"
+            )
         if self.equilibria and self.viscosity:
             raise ValueError("equilibria: a viscous tissue is at none while it moves: leave out `viscosity`")
         if self.equilibria and not {"fat", "skin"} & set(self.needed):

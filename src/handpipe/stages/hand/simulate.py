@@ -102,7 +102,8 @@ def layers_of(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
     if scene.muscle_barrier:
         layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
     if scene.viscosity:
-        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, TissueLayer) else x for x in layers]
+        soft = (TissueLayer, MuscleLayer)
+        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, soft) else x for x in layers]
     return layers
 
 

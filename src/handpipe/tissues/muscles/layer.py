@@ -33,7 +33,7 @@ from handpipe.core import (
 from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, contact_pressures, left_deep
 from handpipe.fem.elements import Material, Validity
 from handpipe.fem.minimisation import Equilibrium
-from handpipe.fem.potentials import Elastic, Potential
+from handpipe.fem.potentials import Elastic, Potential, Viscosity
 from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, settle
 from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
@@ -117,6 +117,8 @@ class MuscleLayer:
 
     name = "muscles"
     needs = LAYERS[name].needs
+    retardation = 0.0  # of muscles in frames that follow one another, over the time between two frames
+    viscosity: Viscosity | None = None  # over the step from the frame before, while a frame follows it
 
     def __init__(
         self,
@@ -146,6 +148,15 @@ class MuscleLayer:
         """The same layer, its muscles kept apart by a barrier."""
         other = copy.copy(self)
         other.options = replace(self.options, barrier=True)
+        return other
+
+    def viscous(self, retardation: float) -> MuscleLayer:
+        """The same layer whose muscles resist motion from frame to frame, in `solve_after` alone.
+
+        retardation: retardation time of the muscles over the time between two frames.
+        """
+        other = copy.copy(self)
+        other.retardation = retardation
         return other
 
     def by_inverse_distance(self) -> MuscleLayer:
@@ -179,7 +190,8 @@ class MuscleLayer:
 
         A muscle begins as far from its surroundings as it is in that frame, in directions that turn with its
         reference bone. Where their contact does not settle from there, the muscles of `solve` are taken if
-        theirs does: a place that muscles slide out of is not handed on from frame to frame.
+        theirs does: a place that muscles slide out of is not handed on from frame to frame. Viscous muscles
+        resist their way from there.
 
         Raises
         ------
@@ -187,10 +199,25 @@ class MuscleLayer:
             As `solve`.
         """
         then, shapes = before
-        starts = []
-        were, are = self._places(then, shapes), self._places(frame, below)
-        for muscle, was, place in zip(self.muscles, were, are, strict=True):
-            x, bone = shapes[self.name][f"{muscle.name}_mesh"].vertices, muscle.space.reference
+        own = [shapes[self.name][f"{muscle.name}_mesh"].vertices for muscle in self.muscles]
+        return self._moving_from(np.concatenate(own))._after(own, before, frame, below)
+
+    def _moving_from(self, x: Array) -> MuscleLayer:
+        """The same layer, its viscosity over the step from x (N, 3)."""
+        if not self.retardation:
+            return self
+        other = copy.copy(self)
+        other.viscosity = Viscosity(self.elastic, x, self.retardation)
+        return other
+
+    def _after(
+        self, own: Sequence[Array], before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]
+    ) -> Shapes:
+        """The shapes of `solve_after`, from the muscles' own vertices in the frame before."""
+        then, starts = before[0], []
+        were, are = self._places(*before), self._places(frame, below)
+        for muscle, x, was, place in zip(self.muscles, own, were, are, strict=True):
+            bone = muscle.space.reference
             turn = frame.bones[bone].rotation @ then.bones[bone].rotation.T
             starts.append(place + (x - was) @ turn.T)
         places = np.concatenate(are)
@@ -221,6 +248,8 @@ class MuscleLayer:
         strains = [m.strains(frame.bones) for m in self.muscles]
         elastic = self.elastic.with_strains(np.concatenate(strains))
         constraints = [self._attachments(frame.bones), *self._bed(places)]
+        if self.viscosity is not None:
+            constraints.append(self.viscosity)
         posed = each_moved(bones, frame.bones)
         if self.contact:
             obstacles = [self._to_bones.to(name, bones[name].vertices, bone) for name, bone in posed.items()]
