@@ -145,7 +145,8 @@ def test_scene_needs_exactly_what_its_layers_stand_on():
     with pytest.raises(ValueError, match="equilibria: a viscous tissue is at none"):
         Scene(layers=("fat",), frames="x.csv", viscosity=0.04, follow=True, equilibria=True)
     with pytest.raises(ValueError, match="viscosity: needs muscles, ligaments, fat or skin"):
-        Scene(layers=("muscles",), frames="x.csv", viscosity=0.04, follow=True)
+        Scene(layers=("tendons",), frames="x.csv", viscosity=0.04, follow=True)
+    assert Scene(layers=("muscles",), frames="x.csv", viscosity=0.04, follow=True).viscosity
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
     assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "muscles"]
     assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)
