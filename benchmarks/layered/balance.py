@@ -132,15 +132,15 @@ def _near_skin(tissue: Tissue, x: Array) -> BoolArray:
 
 
 def of_muscles(layer: MuscleLayer, frame: Frame, shapes: Mapping[str, Shapes]) -> Unbalance:
-    """Of all muscles in a frame; the worst of them, and the mean share of their vertices."""
+    """Of all muscles or ligaments in a frame; the worst of them, and the mean share of their vertices."""
     options, flesh = layer.options, shapes.get("flesh", {}).get("flesh_mesh")
     bones = {n: Surface(s.rest, s.cells) for n, s in shapes["bones"].items()}
     posed = [Surface(s.vertices, s.cells) for s in shapes["bones"].values()]
     bodies, found = layer.elastic_bodies(frame.bones), []
     for muscle in layer.muscles:
-        x = shapes["muscles"][f"{muscle.name}_mesh"].vertices
+        x = shapes[layer.name][f"{muscle.name}_mesh"].vertices
         others = [
-            Surface(shapes["muscles"][m.name].vertices, m.body.surface.triangles)
+            Surface(shapes[layer.name][m.name].vertices, m.body.surface.triangles)
             for m in layer.muscles
             if m is not muscle
         ]

@@ -116,7 +116,7 @@ def fat_in_bodies(layer: TissueLayer, shapes: Mapping[str, Shapes], x: Array) ->
 def muscles_in_bones(layer: MuscleLayer, shapes: Mapping[str, Shapes]) -> float:
     """Largest depth in a bone of a muscle's surface vertex that is not attached."""
     bones = [Surface(s.vertices, s.cells) for s in shapes["bones"].values()]
-    free = [np.delete(shapes["muscles"][m.name].vertices, m.firm, axis=0) for m in layer.muscles]
+    free = [np.delete(shapes[layer.name][m.name].vertices, m.firm, axis=0) for m in layer.muscles]
     return max(depth(points, bone) for points in free for bone in bones)
 
 

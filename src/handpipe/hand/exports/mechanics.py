@@ -136,7 +136,8 @@ def muscle_fibres(layers: Sequence[Layer], parents: Mapping[str, str]) -> dict[s
     dict of str to array (m, 3)
         Unit directions at rest by the name of the tets' shape. Muscles without two ends are missing.
     """
-    muscles = [m for layer in layers if isinstance(layer, MuscleLayer) for m in layer.muscles]
+    contracting = [x for x in layers if isinstance(x, MuscleLayer) and x.name == MuscleLayer.name]
+    muscles = [muscle for layer in contracting for muscle in layer.muscles]
     found = {}
     for muscle in muscles:
         origin, insertion = _ends(muscle, parents)

@@ -30,6 +30,10 @@ class LigamentLayer(MuscleLayer):
         options = SimulationOptions(material=LIGAMENT, spring=SPRING, bed=CAPSULE, contact=CONTACT)
         super().__init__(ligaments, options)
 
+    def behind_barrier(self) -> LigamentLayer:
+        """The same layer: the barrier is the muscles' alone."""
+        return self
+
 
 def load(files: Sequence[Path], _: Mapping[str, Surface]) -> LigamentLayer:
     """The layer of artifacts, one a ligament."""
