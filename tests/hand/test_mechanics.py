@@ -102,6 +102,7 @@ def test_ligaments_are_stressed_and_bones_press_on_them():
     [(_, found)] = with_mechanics([simulated(layer, 0.3)], [layer], PARENTS)
     assert set(found["ligaments"]["l"].fields) == {"contact_pressure"}
     assert found["ligaments"]["l_mesh"].fields["von_mises_stress"].max() > 1.0
+    assert muscle_fibres([MuscleLayer([plain("l")])], PARENTS) and not muscle_fibres([layer], PARENTS)
 
 
 def test_the_pressure_of_tissue_does_the_work_of_its_elasticity():

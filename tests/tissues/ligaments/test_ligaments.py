@@ -68,6 +68,10 @@ def test_a_bone_between_its_ends_keeps_it_out():
     assert found.figures["body_penetration"] == pytest.approx(max(depths.max(), 0.0), abs=0.05)
 
 
+def test_the_barrier_of_muscles_is_not_for_ligaments():
+    assert not layer().behind_barrier().options.barrier
+
+
 def test_bones_that_part_stretch_it():
     apart = {"a": RigidTransform.identity(), "b": RigidTransform(np.eye(3), np.array([3.0, 0, 0]))}
     shape = solve(apart)
