@@ -59,6 +59,11 @@ class TargetKey(Model):
     still: tuple[Name, ...] = ()
     angles: dict[Name, float] = {}
 
+    @property
+    def radians(self) -> dict[str, float]:
+        """Its angles in rad."""
+        return {name: float(np.radians(value)) for name, value in self.angles.items()}
+
 
 class TargetFile(Model):
     """Keys of targets in the order of their times."""
@@ -106,15 +111,11 @@ def read_targets(
     for i, (key, place) in enumerate(zip(found.keys, where, strict=True)):
         if names[i] in names[:i] or not names[i].isprintable():
             raise InputError(path, place, "its name is another key's or cannot be printed", "Name it anew")
-        check_given_angles(_radians(key), limits, path, f"{place}, angles")
+        check_given_angles(key.radians, limits, path, f"{place}, angles")
         for bone in _bones(key):
             if bones and bone not in bones:
                 raise InputError(path, place, f"no bone {bone!r}", f"The bones are {', '.join(bones)}")
     return found, key_times(path, where, names, [UNITS[found.unit] * key.time for key in found.keys])
-
-
-def _radians(key: TargetKey) -> dict[str, float]:
-    return {name: float(np.radians(value)) for name, value in key.angles.items()}
 
 
 def _bones(key: TargetKey) -> list[str]:

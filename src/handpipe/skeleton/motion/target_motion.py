@@ -20,6 +20,7 @@ from handpipe.skeleton.motion.interpolation import angles_between, spline
 from handpipe.skeleton.motion.motion import Motion
 from handpipe.skeleton.motion.target_file import BonePoint, Goal, TargetKey, read_targets
 from handpipe.skeleton.posing.inverse_kinematics import Limits, Reach, ReachOptions, solve
+from handpipe.skeleton.posing.pose_space import ancestry
 from handpipe.skeleton.posing.targets import Apart, Meeting, Position, Target
 from handpipe.skeleton.posing.validity import PoseValidity
 from handpipe.skeleton.rig.rig import Rig
@@ -150,8 +151,7 @@ class TargetSolver:
 
     def own_pose(self, key: TargetKey) -> dict[str, float]:
         """The angles in rad that a key names; 0 for all others."""
-        named = {name: float(np.radians(value)) for name, value in key.angles.items()}
-        return dict.fromkeys(self.rig.angle_names, 0.0) | named
+        return dict.fromkeys(self.rig.angle_names, 0.0) | key.radians
 
     def key(self, key: TargetKey, rest: Mapping[str, float]) -> Reach:
         """A key's own pose, `rest`, brought to its targets."""
@@ -182,13 +182,8 @@ class TargetSolver:
 
     def _angles_that_move(self, bones: Iterable[str]) -> set[str]:
         """Names of the angles of all joints between bones and the root."""
-        joints = {joint.child: joint for joint in self.rig.joints}
-        found: set[str] = set()
-        for bone in bones:
-            while (joint := joints.get(bone)) is not None:
-                found |= set(joint.angles)
-                bone = joint.parent
-        return found
+        moved = {ancestor for bone in bones for ancestor in ancestry(bone, self.rig.parents)}
+        return {angle for joint in self.rig.joints if joint.child in moved for angle in joint.angles}
 
     def near(
         self, start: Mapping[str, float], rest: Mapping[str, float], asked: Asked, limits: Limits

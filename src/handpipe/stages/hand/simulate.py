@@ -71,7 +71,8 @@ class Chunk:
 
 def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk: Chunk) -> None:
     """One chunk of a scene's frames, with every layer that the scene needs; failed frames are left out."""
-    wanted = driven_frames(inputs.frames, Rig.load(inputs.rig), dataset, scene, chunk.number)
+    rig = Rig.load(inputs.rig)
+    wanted = driven_frames(inputs.frames, rig, dataset, scene, chunk.number)
     asked: dict[str, str | Sequence[str]] = {"layers": scene.needed}
     if scene.muscle_barrier:
         asked["muscle_barrier"] = "true"
@@ -85,7 +86,7 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
     done = finished_frames(chunk.partial, key, wanted)
     earlier = [] if inputs.before is None else read_simulated(inputs.before)[0]
     before = earlier[-1] if earlier else None
-    layers, ahead = layers_of(inputs, dataset, scene), None
+    layers, ahead = _layers_of(inputs, rig, dataset, scene), None
     if chunk.threads > 1 and scene.follow:
         layers = inner_and_outer(layers)[1]
         ahead = partial(simulated_ahead, partial(_inner_layers, inputs, dataset, scene))
@@ -96,9 +97,9 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
         print(f"handpipe: simulate: {failure}", file=sys.stderr)
 
 
-def layers_of(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
+def _layers_of(inputs: Inputs, rig: Rig, dataset: Dataset, scene: Scene) -> list[Layer]:
     """The layers that a scene needs, as it asks for them."""
-    layers = load_layers(scene.needed, dataset, inputs.layers, Rig.load(inputs.rig).surfaces)
+    layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
     if scene.muscle_barrier:
         layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
     if scene.viscosity:
@@ -108,7 +109,7 @@ def layers_of(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
 
 
 def _inner_layers(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
-    return inner_and_outer(layers_of(inputs, dataset, scene))[0]
+    return inner_and_outer(_layers_of(inputs, Rig.load(inputs.rig), dataset, scene))[0]
 
 
 @dataclass

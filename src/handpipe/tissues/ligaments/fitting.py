@@ -1,9 +1,9 @@
 """A ligament in neutral and over its poses: as a muscle, but the image does not show its boundary.
 
-Its neutral shape is the placed template. In other poses it is the passive body between its moved attachments,
-its bones and the capsule of its joint:
-strain is taken up elastically, so its plastic strains are the identity in every pose, and no pose space is
-needed. What a ligament's contraction would be to a muscle, an example shape says, where one is known.
+Its neutral shape is the placed template. In other poses it is a passive body: its moved attachments, its
+bones and the capsule of its joint act on it. Its plastic strains are the identity in every pose, and no pose
+space is needed. What a ligament's contraction would be to a muscle, an example shape says, where one
+is known.
 """
 
 from __future__ import annotations
