@@ -111,7 +111,7 @@ def of_tissue(layer: TissueLayer, frame: Frame, shapes: Mapping[str, Shapes]) ->
     x, settled = mesh.vertices, not mesh.figures.get("unsettled", 0.0)
     pushed: BoolArray = np.zeros(len(x), dtype=np.bool_)
     springs = []
-    for potential in layer.scene(frame.bones, shapes).constraints(x):
+    for potential in layer.load_case(frame.bones, shapes).constraints(x):
         if isinstance(potential, Attachment):
             springs.append(Springs(potential.operator, potential.targets, potential.stiffness))
             continue

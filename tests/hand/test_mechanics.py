@@ -121,7 +121,9 @@ def test_the_pressure_of_tissue_does_the_work_of_its_elasticity():
         pressure * area * np.einsum("ni,ni->n", surface.vertex_normals(), surface.vertices * across)
     ).sum()
     elastic = (layer.elastic_bodies(core)["skin_mesh"].gradient(x) * (x * across)).sum()
-    constraints = [p for p in layer.scene(core, around).constraints(x) if not getattr(p, "one_sided", False)]
+    constraints = [
+        p for p in layer.load_case(core, around).constraints(x) if not getattr(p, "one_sided", False)
+    ]
     fixed = sum((p.gradient(x) * (x * across)).sum() for p in constraints)
     assert work > 10.0  # µJ
     assert work == pytest.approx(elastic + fixed, rel=0.1)

@@ -56,9 +56,9 @@ def test_it_rests_where_forces_balance():
     """Forces of flesh and constraints are those of the barrier, at a pose that pushes do not reach."""
     posed, pressed = below(together(3.2)), frame(together(3.2))
     layer = TissueLayer("fat", fork())
-    x, scene = layer.solve(pressed, posed)["fat_mesh"].vertices, layer.scene(pressed.bones, posed)
+    x, case = layer.solve(pressed, posed)["fat_mesh"].vertices, layer.load_case(pressed.bones, posed)
     force = fork().skin_barrier().gradient(x)
-    others = [scene.elastic, *scene.constraints(x, contact=[])]
+    others = [case.elastic, *case.constraints(x, contact=[])]
     left = np.linalg.norm(sum(p.gradient(x) for p in others) + force, axis=1)
     assert left.max() < 0.02 * np.linalg.norm(force, axis=1).max()
 

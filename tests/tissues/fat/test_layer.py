@@ -16,7 +16,7 @@ from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
 from handpipe.tissues.fat.layer import FatStrains, TissueLayer
 from handpipe.tissues.fat.nails import from_vector
 from handpipe.tissues.fat.resting.from_starts import settled_from
-from handpipe.tissues.fat.resting.scene import CONTACTS
+from handpipe.tissues.fat.resting.load_case import CONTACTS
 
 from .limb import below, limb
 
@@ -82,7 +82,7 @@ def test_an_example_is_at_rest_where_its_strains_were_found():
     strains = replace(_strains(tissue), nails={})
     posed = below(bent["core"](below()["bones"]["core"].rest))
     plain = TissueLayer("fat", tissue, strains)
-    found = settled_from(plain.scene(bent, posed), plain.starts(bent)[0])
+    found = settled_from(plain.load_case(bent, posed), plain.starts(bent)[0])
     renewals = []
     for shift in (np.zeros_like(found.x), tissue.shifts(bent, found.x)):
         strains = replace(strains, shifts=np.stack([np.zeros_like(shift), shift]))
@@ -191,7 +191,7 @@ def test_a_viscous_tissue_comes_to_rest_over_the_frames_of_a_pose_that_is_held(r
     drawn = np.tile([1.02, 0.0, 0.0, 1.0, 0.0, 1.0], (len(tissue.mesh.tets), 1))
     resting = TissueLayer("fat", tissue)
     settled = resting.solve(frame, below())
-    x = settled_from(resting.scene(REST, below()).with_strains(drawn), tissue.mesh.vertices).x
+    x = settled_from(resting.load_case(REST, below()).with_strains(drawn), tissue.mesh.vertices).x
     layer, left = resting.viscous(ratio), []
     for _ in range(4):
         mesh = Shape(tissue.mesh.vertices, x, tissue.mesh.tets)

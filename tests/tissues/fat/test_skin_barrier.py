@@ -16,8 +16,8 @@ from handpipe.mesh.contact.self_contacts import self_contact
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.resting.from_starts import settled_from
+from handpipe.tissues.fat.resting.load_case import LoadCase
 from handpipe.tissues.fat.resting.pressures import pressures_at
-from handpipe.tissues.fat.resting.scene import Scene
 from handpipe.tissues.fat.resting.skin_barrier import kept_apart, penetration
 from handpipe.tissues.fat.resting.skin_pushes import _places, crossing_vertices, pushes
 from handpipe.tissues.fat.skin_contact import DISTANCE
@@ -25,19 +25,19 @@ from handpipe.tissues.fat.skin_contact import DISTANCE
 from .test_skin_on_skin import BASE, below, start, tissue, together
 
 
-def _scene(distance):
-    return Scene(tissue(), below(together(distance)), BASE, tissue().elastic)
+def _case(distance):
+    return LoadCase(tissue(), below(together(distance)), BASE, tissue().elastic)
 
 
 @cache
 def _planes(distance):
     """The equilibrium with contact planes alone."""
-    return settled_from(Scene.of(tissue(), below(together(distance)), BASE), start(together(distance)))
+    return settled_from(LoadCase.of(tissue(), below(together(distance)), BASE), start(together(distance)))
 
 
 @cache
 def _barred(distance):
-    return kept_apart(_scene(distance), _planes(distance))
+    return kept_apart(_case(distance), _planes(distance))
 
 
 def _bones(distance):
@@ -47,7 +47,7 @@ def _bones(distance):
 def test_pressed_prongs_do_not_penetrate_and_meet_half_way():
     before, found = penetration(tissue(), _planes(2.8).x), _barred(2.8)
     assert before["skin_crossings"] > 20 and before["skin_inside"] > 10 and before["skin_gap"] == 0
-    skin = _scene(2.8).skin(found.x)
+    skin = _case(2.8).skin(found.x)
     figures = penetration(tissue(), found.x)
     assert found.rests and figures["skin_crossings"] == figures["skin_inside"] == 0
     assert 0 < figures["skin_gap"] < DISTANCE
@@ -60,7 +60,7 @@ def test_pressed_prongs_do_not_penetrate_and_meet_half_way():
 
 def test_the_barrier_presses_with_what_the_tissue_resists():
     """The barrier's energy has its gradient, its forces sum to zero, and they balance all others."""
-    x, scene = _barred(2.8).x, _scene(2.8)
+    x, case = _barred(2.8).x, _case(2.8)
     barrier = tissue().skin_barrier()
     force, rng = barrier.gradient(x), np.random.default_rng(0)
     assert np.linalg.norm(force, axis=1).max() > 1.0
@@ -68,15 +68,15 @@ def test_the_barrier_presses_with_what_the_tissue_resists():
     along = rng.normal(size=x.shape)
     slope = (barrier.value(x + 1e-7 * along) - barrier.value(x - 1e-7 * along)) / 2e-7
     assert slope == pytest.approx(np.vdot(force, along), rel=1e-4)
-    others = [scene.elastic, *scene.constraints(x, contact=[])]
+    others = [case.elastic, *case.constraints(x, contact=[])]
     left = np.linalg.norm(sum(p.gradient(x) for p in others) + force, axis=1)
     assert left.max() < 0.02 * np.linalg.norm(force, axis=1).max()
 
 
 def test_pressures_of_the_skin_are_those_of_the_barrier():
     x = _barred(2.8).x
-    skin = _scene(2.8).skin(x)
-    pressure = pressures_at(Scene.of(tissue(), below(together(2.8)), BASE), x)[""]["skin"]
+    skin = _case(2.8).skin(x)
+    pressure = pressures_at(LoadCase.of(tissue(), below(together(2.8)), BASE), x)[""]["skin"]
     touched = pressure > 0
     assert touched.sum() > 20 and np.abs(skin.vertices[touched, 1]).max() < 0.5
     one_side = touched & (tissue().skin.vertices[:, 1] > 0)
@@ -90,15 +90,15 @@ def test_prongs_apart_keep_their_equilibrium_to_the_last_bit():
 
 
 def test_a_frame_does_not_depend_on_those_before():
-    again = kept_apart(_scene(2.8), _planes(2.8))
+    again = kept_apart(_case(2.8), _planes(2.8))
     np.testing.assert_array_equal(again.x, _barred(2.8).x)
 
 
 def test_a_start_deep_in_itself_is_pushed_apart():
     """Blended prongs lie 1.6 mm in one another, without any equilibrium before."""
     settled = type(_planes(2.8))(start(together(2.8)), 0, 0.0)
-    assert len(crossing_vertices(_scene(2.8).skin(settled.x))) > 50
-    found = kept_apart(_scene(2.8), settled)
+    assert len(crossing_vertices(_case(2.8).skin(settled.x))) > 50
+    found = kept_apart(_case(2.8), settled)
     away = np.linalg.norm(tissue().skin_matrix @ (found.x - _barred(2.8).x), axis=1)
     assert penetration(tissue(), found.x)["skin_crossings"] == 0 and away.mean() < 0.05
 

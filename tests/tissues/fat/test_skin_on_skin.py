@@ -16,7 +16,7 @@ from handpipe.tissues.fat.constraints import inner_points
 from handpipe.tissues.fat.mesh import tissue_mesh
 from handpipe.tissues.fat.resting import from_starts
 from handpipe.tissues.fat.resting.from_starts import at_rest, opened, settled_from
-from handpipe.tissues.fat.resting.scene import Scene
+from handpipe.tissues.fat.resting.load_case import LoadCase
 from handpipe.tissues.fat.skin import Rigid
 from handpipe.tissues.fat.tissue import Tissue
 
@@ -62,7 +62,7 @@ def start(motions):
 
 def pressed(distance):
     motions, body = together(distance), tissue()
-    settled = settled_from(Scene.of(body, below(motions), BASE), start(motions))
+    settled = settled_from(LoadCase.of(body, below(motions), BASE), start(motions))
     assert settled.rests
     return body.skin.moved(body.skin_matrix @ settled.x)
 
@@ -90,10 +90,10 @@ def test_a_start_with_skin_deep_in_skin_is_opened():
     motions, body = together(2.8), tissue()
     blended = start(motions)
     assert body.overlap(blended) > 1.2
-    scene = Scene.of(body, below(motions), BASE)
-    way = opened(scene, blended)
+    case = LoadCase.of(body, below(motions), BASE)
+    way = opened(case, blended)
     assert body.overlap(way) < 0.3
-    settled = settled_from(scene, way)
+    settled = settled_from(case, way)
     there = pressed(2.8).vertices
     away = np.linalg.norm(body.skin_matrix @ settled.x - there, axis=1)
     assert settled.rests and body.overlap(settled.x) < 0.16 and away.mean() < 0.05
@@ -102,7 +102,7 @@ def test_a_start_with_skin_deep_in_skin_is_opened():
 def test_a_start_with_its_skin_apart_is_taken_as_it_is():
     motions = together(1.5)
     x = start(motions)
-    assert opened(Scene.of(tissue(), below(motions), BASE), x) is x
+    assert opened(LoadCase.of(tissue(), below(motions), BASE), x) is x
 
 
 def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
@@ -117,7 +117,7 @@ def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
 
     monkeypatch.setattr(from_starts, "_near", failing_first)
     monkeypatch.setattr(from_starts, "SIZES", (0.6, 0.75, 0.9))
-    way = opened(Scene.of(body, below(motions), BASE), start(motions))
+    way = opened(LoadCase.of(body, below(motions), BASE), start(motions))
     assert len(sizes) == 3 and body.overlap(way) < 0.3
 
 
@@ -138,7 +138,7 @@ def test_skin_that_gets_into_skin_on_the_way_is_opened(monkeypatch):
     motions, body, apart = together(2.8), tissue(), start(together(1.5))
     assert body.overlap(apart) == 0.0
     searches = _led_astray(monkeypatch, motions, 1)
-    settled = at_rest(Scene.of(body, below(motions), BASE), [apart])
+    settled = at_rest(LoadCase.of(body, below(motions), BASE), [apart])
     assert len(searches) == 2 and settled.rests and body.overlap(settled.x) < 0.16
 
 
@@ -146,7 +146,7 @@ def test_a_start_that_leads_into_skin_is_followed_by_the_next(monkeypatch):
     """Both searches from the first start end with the skin in itself, as what was fitted to a scan may."""
     motions, body, apart = together(2.8), tissue(), start(together(1.5))
     searches = _led_astray(monkeypatch, motions, 2)
-    settled = at_rest(Scene.of(body, below(motions), BASE), [apart, start(motions)])
+    settled = at_rest(LoadCase.of(body, below(motions), BASE), [apart, start(motions)])
     assert len(searches) == 3 and settled.rests and body.overlap(settled.x) < 0.16
 
 
@@ -156,11 +156,11 @@ def test_a_further_start_whose_bodies_leave_no_room_is_not_tried(monkeypatch):
     crowded = start(motions)
     assert body.overlap(crowded) > 3.0
     searches = _led_astray(monkeypatch, motions, 9)
-    monkeypatch.setattr(from_starts, "opened", lambda scene, x, anyway=False: x)
-    one = at_rest(Scene.of(body, below(motions), BASE), [start(together(1.5)), crowded, crowded])
+    monkeypatch.setattr(from_starts, "opened", lambda case, x, anyway=False: x)
+    one = at_rest(LoadCase.of(body, below(motions), BASE), [start(together(1.5)), crowded, crowded])
     assert len(searches) == 1 + 1 and body.overlap(one.x) > 3.0
     del searches[:]
-    at_rest(Scene.of(body, below(motions), BASE), [start(together(1.5)), start(together(2.5))])
+    at_rest(LoadCase.of(body, below(motions), BASE), [start(together(1.5)), start(together(2.5))])
     assert len(searches) == 2 + 2
 
 
@@ -171,4 +171,4 @@ def test_without_an_equilibrium_from_any_start_there_is_no_result(monkeypatch):
     monkeypatch.setattr(from_starts, "settled_from", none)
     body = tissue()
     with pytest.raises(ConvergenceError, match="none from here"):
-        at_rest(Scene.of(body, below(together(2.8)), BASE), [start(together(1.5))])
+        at_rest(LoadCase.of(body, below(together(2.8)), BASE), [start(together(1.5))])

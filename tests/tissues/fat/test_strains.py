@@ -14,7 +14,7 @@ from handpipe.fem.solver.settling import Limits, Settled
 from handpipe.mesh.tets.operators import gradient_operator, tet_laplacian
 from handpipe.tissues.fat import strains
 from handpipe.tissues.fat.resting.from_starts import settled_from
-from handpipe.tissues.fat.resting.scene import Scene
+from handpipe.tissues.fat.resting.load_case import LoadCase
 from handpipe.tissues.fat.strains import (
     ON_THE_WAY,
     FatState,
@@ -121,7 +121,7 @@ def test_the_skin_comes_to_lie_on_the_scan():
     principal = plasticity.eigenvalues(plasticity.exp(fit.log_strains))
     assert principal.min() > 0.5 and principal.max() < 2.0
     # what comes back is an equilibrium under its strains, not a shape that was pulled there
-    x = settled_from(Scene.of(tissue, below(), at_rest(), plasticity.exp(fit.log_strains)), fit.vertices).x
+    x = settled_from(LoadCase.of(tissue, below(), at_rest(), plasticity.exp(fit.log_strains)), fit.vertices).x
     np.testing.assert_allclose(x, fit.vertices, atol=5e-3)
 
 
@@ -142,9 +142,9 @@ def test_a_fit_whose_contact_is_unsettled_says_so(monkeypatch):
 
 
 def test_a_fit_with_an_inverted_tet_fails_and_names_the_place(monkeypatch):
-    def inverted(scene, *arguments):
-        x = scene.tissue.mesh.vertices.copy()
-        a, b, c, d = scene.tissue.mesh.tets[0]
+    def inverted(case, *arguments):
+        x = case.tissue.mesh.vertices.copy()
+        a, b, c, d = case.tissue.mesh.tets[0]
         x[a] += 2.5 * (x[[b, c, d]].mean(axis=0) - x[a])
         return Settled(x, 1, 0.0)
 

@@ -14,7 +14,7 @@ from handpipe.fem.solver.settling import Limits
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.fat.resting.from_starts import settled_from
-from handpipe.tissues.fat.resting.scene import Scene
+from handpipe.tissues.fat.resting.load_case import LoadCase
 from handpipe.tissues.fat.tissue import Tissue
 
 from .limb import CORE, LENGTH, at_rest, below, capsule, limb
@@ -25,7 +25,7 @@ KINDS = [Region.fixed, Region.sliding, Region.contact]
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unloaded_tissue_stays_at_rest(kind):
     tissue = limb(kind)
-    x = settled_from(Scene.of(tissue, below(kind=kind), at_rest()), tissue.mesh.vertices).x
+    x = settled_from(LoadCase.of(tissue, below(kind=kind), at_rest()), tissue.mesh.vertices).x
     np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-6)
 
 
@@ -35,14 +35,14 @@ def test_a_common_rigid_motion_moves_the_tissue_rigidly(kind):
     motion = RigidTransform(Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix(), np.array([3.0, -20.0, 7.0]))
     start = tissue.pose({"core": motion})
     posed = motion(capsule(CORE, 1.0).vertices)
-    x = settled_from(Scene.of(tissue, below(posed, kind), {"tip": motion}), start).x
+    x = settled_from(LoadCase.of(tissue, below(posed, kind), {"tip": motion}), start).x
     np.testing.assert_allclose(x, motion(tissue.mesh.vertices), atol=1e-6)
 
 
 def test_a_disturbed_start_comes_back_to_rest():
     tissue = limb(Region.fixed)
     noise = 0.1 * np.random.default_rng(0).normal(size=tissue.mesh.vertices.shape)
-    x = settled_from(Scene.of(tissue, below(), at_rest()), tissue.mesh.vertices + noise).x
+    x = settled_from(LoadCase.of(tissue, below(), at_rest()), tissue.mesh.vertices + noise).x
     np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-3)
 
 
@@ -70,7 +70,7 @@ def test_fixed_points_follow_the_bone():
     tissue = limb(Region.fixed)
     shift = np.array([0.0, 1.0, 0.0])
     posed = capsule(CORE, 1.0).vertices + shift
-    x = settled_from(Scene.of(tissue, below(posed), at_rest()), tissue.mesh.vertices).x
+    x = settled_from(LoadCase.of(tissue, below(posed), at_rest()), tissue.mesh.vertices).x
     error = np.linalg.norm(tissue.inner_matrix @ x - tissue.inner.rest - shift, axis=1)
     assert error.max() < 0.15 and np.sqrt((error**2).mean()) < 0.03
     skin = tissue.skin_matrix @ x - tissue.skin.vertices
@@ -84,8 +84,8 @@ def test_contact_pushes_the_tissue_out_and_never_pulls_it():
     core = capsule(CORE, 1.0)
     for factor in (1.2, 0.7):
         posed = core.vertices * [1.0, factor, factor]
-        scene = Scene.of(tissue, below(posed, Region.contact), at_rest())
-        settled = settled_from(scene, tissue.mesh.vertices)
+        case = LoadCase.of(tissue, below(posed, Region.contact), at_rest())
+        settled = settled_from(case, tissue.mesh.vertices)
         x = settled.x
         heights = Distance(core.moved(posed)).signed(tissue.inner_matrix @ x)[0]
         # Planes with the normals of this coarse core's facets end in a cycle of 0.1 mm.
@@ -105,7 +105,7 @@ def test_contact_and_tissue_are_springs_in_series():
         swollen = below(core.vertices + swell * core.vertex_normals(), Region.contact)
         tissue = limb(Region.contact)
         tissue = replace(tissue, settings=replace(tissue.settings, young=young))
-        x = settled_from(Scene.of(tissue, swollen, at_rest()), tissue.mesh.vertices).x
+        x = settled_from(LoadCase.of(tissue, swollen, at_rest()), tissue.mesh.vertices).x
         surface = core.moved(swollen["bones"]["core"].vertices)
         depths = -Distance(surface).signed(tissue.inner_matrix @ x)[0]
         pressure = 50.0 * (penalty(depths, 0.05)[1] + 8 * penalty(depths - 0.2, 0.05)[1]).mean()
@@ -121,7 +121,7 @@ def test_sliding_tissue_stays_on_the_bone_but_does_not_turn_with_it():
     turned = {}
     for kind in (Region.sliding, Region.fixed):
         tissue = limb(kind)
-        x = settled_from(Scene.of(tissue, below(posed, kind), at_rest()), tissue.mesh.vertices).x
+        x = settled_from(LoadCase.of(tissue, below(posed, kind), at_rest()), tissue.mesh.vertices).x
         points = tissue.inner_matrix @ x
         assert np.abs(Distance(core.moved(posed)).signed(points)[0]).max() < 0.1
         moved = np.linalg.norm(points - tissue.inner.rest, axis=1)
@@ -135,13 +135,13 @@ def test_a_skin_that_does_not_come_to_rest_is_no_result():
     posed = capsule(CORE, 1.0).vertices + [0.0, 1.0, 0.0]
     tissue = limb(Region.fixed)
     with pytest.raises(ConvergenceError, match="soft tissue did not converge: it moves by"):
-        settled_from(Scene.of(tissue, below(posed), at_rest()), tissue.mesh.vertices, strict)
+        settled_from(LoadCase.of(tissue, below(posed), at_rest()), tissue.mesh.vertices, strict)
 
 
 def test_plastic_growth_swells_the_tissue():
     tissue = limb(Region.fixed)
     grown = np.tile([1.05, 0, 0, 1.05, 0, 1.05], (len(tissue.mesh.tets), 1))
-    x = settled_from(Scene.of(tissue, below(), at_rest(), grown), tissue.mesh.vertices).x
+    x = settled_from(LoadCase.of(tissue, below(), at_rest(), grown), tissue.mesh.vertices).x
     outside = tissue.skin.moved(tissue.skin_matrix @ x).volume() - tissue.skin.volume()
     tissue_volume = tissue.occupancy @ tissue.mesh.volumes()
     assert outside == pytest.approx((1.05**3 - 1) * tissue_volume, rel=0.15)
@@ -160,7 +160,7 @@ def test_a_tissue_survives_its_artifact(tmp_path):
     assert (again.bones, again.settings) == (tissue.bones, tissue.settings)
     posed = capsule(CORE, 1.0).vertices * [1.0, 1.1, 1.1]
     first, second = (
-        settled_from(Scene.of(body, below(posed, Region.contact), at_rest()), body.mesh.vertices).x
+        settled_from(LoadCase.of(body, below(posed, Region.contact), at_rest()), body.mesh.vertices).x
         for body in (tissue, again)
     )
     np.testing.assert_array_equal(first, second)

@@ -11,7 +11,7 @@ import numpy as np
 from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, vertices_of
 from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
-from handpipe.tissues.fat.resting import Scene, settled_from
+from handpipe.tissues.fat.resting import LoadCase, settled_from
 from handpipe.tissues.fat.tissue import Tissue, TissueSettings
 
 SKIN_STIFFER = TissueSettings().skin_young / TissueSettings().young  # times as stiff as what lies under it
@@ -56,7 +56,7 @@ class FleshLayer:
         """The tissue's tets at equilibrium near a start (n, 3)."""
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
-        settled = settled_from(Scene.of(tissue, below, rigid), start, BRIEFLY)
+        settled = settled_from(LoadCase.of(tissue, below, rigid), start, BRIEFLY)
         rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
         validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))
         figures = settled.figures | settled.validity | validity.figures

@@ -31,7 +31,7 @@ from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.bending import Origin, Pace, bent
 from handpipe.tissues.fat.nails import from_vector
-from handpipe.tissues.fat.resting import LOST, Scene, at_rest, kept_apart, penetration, pressures_at
+from handpipe.tissues.fat.resting import LOST, LoadCase, at_rest, kept_apart, penetration, pressures_at
 from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
@@ -185,10 +185,10 @@ class TissueLayer:
             transforms[name] = bones[part.bone] @ correction
         return transforms
 
-    def scene(self, bones: Mapping[str, RigidTransform], below: Mapping[str, Shapes]) -> Scene:
+    def load_case(self, bones: Mapping[str, RigidTransform], below: Mapping[str, Shapes]) -> LoadCase:
         """The tissue in a pose, with its strains there, on the bodies below."""
-        scene = Scene.of(self.tissue, below, self.rigid(bones), self.plastic_strains(bones))
-        return scene if self.viscosity is None else replace(scene, viscosity=self.viscosity)
+        case = LoadCase.of(self.tissue, below, self.rigid(bones), self.plastic_strains(bones))
+        return case if self.viscosity is None else replace(case, viscosity=self.viscosity)
 
     @property
     def bends(self) -> bool:
@@ -205,7 +205,7 @@ class TissueLayer:
             Where a step fails, however small.
         """
         try:
-            return bent(self.scene, self.scene(frame.bones, below), frame.bones, origin, self.pace)
+            return bent(self.load_case, self.load_case(frame.bones, below), frame.bones, origin, self.pace)
         except ConvergenceError as error:
             raise error.within(f"{self.name} of {frame.name}") from error
 
@@ -221,11 +221,11 @@ class TissueLayer:
         Where the first start lies deep in itself, or no start leads there, the tissue is bent from another
         pose, by default from neutral.
         """
-        tissue, scene, planes = self.tissue, self.scene(frame.bones, below), list[Settled]()
+        tissue, case, planes = self.tissue, self.load_case(frame.bones, below), list[Settled]()
 
         def from_starts() -> Settled:
-            planes.append(at_rest(scene, starts))
-            return kept_apart(scene, planes[0]) if tissue.skin_contact else planes[0]
+            planes.append(at_rest(case, starts))
+            return kept_apart(case, planes[0]) if tissue.skin_contact else planes[0]
 
         def from_origin() -> Settled:
             return self.bent(origin or Origin.neutral(tissue, below), frame, below)
@@ -328,7 +328,7 @@ class TissueLayer:
         They are those of `pressures_at`, of contact renewed for that equilibrium.
         """
         x = shapes[self.name][self.name + "_mesh"].vertices
-        found = pressures_at(self.scene(frame.bones, shapes), x)
+        found = pressures_at(self.load_case(frame.bones, shapes), x)
         return {layer or self.name: pressures for layer, pressures in found.items()}
 
 

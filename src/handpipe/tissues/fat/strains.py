@@ -23,7 +23,7 @@ from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import TetMesh, gradient_operator, mass_lumped, tet_laplacian
-from handpipe.tissues.fat.resting import Scene, opened, settled_from
+from handpipe.tissues.fat.resting import LoadCase, opened, settled_from
 from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
@@ -216,7 +216,7 @@ def fit_strains(
     ----------
     Zheng 2022 §7.3, Eq. 22-23.
     """
-    mesh, skin, scene = tissue.mesh, tissue.skin, Scene.of(tissue, below, rigid)
+    mesh, skin, case = tissue.mesh, tissue.skin, LoadCase.of(tissue, below, rigid)
     area = mass_lumped(skin.vertices, skin.triangles)
     for part in tissue.rigid.values():
         area[part.vertices] = 0.0
@@ -225,18 +225,18 @@ def fit_strains(
     m = len(mesh.tets)
 
     def state(logs: Array, guess: Array) -> FatState:
-        settled = settled_from(scene.with_strains(plasticity.exp(logs)), guess, ON_THE_WAY)
+        settled = settled_from(case.with_strains(plasticity.exp(logs)), guess, ON_THE_WAY)
         x = settled.x
         offsets, normals, weights = target.match(skin.moved(tissue.skin_matrix @ x))
         rough = laplacian @ logs.ravel()
         value = settings.smoothness * rough @ rough / m + weights @ offsets**2
         return FatState(logs, x, offsets, normals, weights, float(value), settled.validity)
 
-    now = state(np.zeros((m, 6)), opened(scene, start))
+    now = state(np.zeros((m, 6)), opened(case, start))
     record = [now.row(0.0)]
     for iteration in range(settings.iterations):
         strain = strain_operator(mesh, now.x)
-        constraints = scene.constraints(now.x)
+        constraints = case.constraints(now.x)
         step = _direction(strain, laplacian, now, tissue.skin_operator, constraints, settings)
         change = _bounded((strain @ step.ravel()).reshape(-1, 6), settings.largest_change)
         found, eta = _search(state, now, change, step, settings)

@@ -28,7 +28,7 @@ REMEDY = "The pose may leave no room for the muscles: bend less, or scan a pose 
 
 
 @dataclass(frozen=True)
-class Scene:
+class MusclesInFrame:
     """Muscles in a frame.
 
     name: in log lines; rest (n, 3): neutral mesh vertices; young: modulus in kPa; push: stiffness in mN/mm of
@@ -45,7 +45,7 @@ class Scene:
     solve: Callable[[list[Potential], Array, bool], Equilibrium]
 
 
-def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
+def kept_apart(muscles: MusclesInFrame, settled: Settled, limits: Limits) -> Settled:
     """The equilibrium behind a barrier, near one with contact planes.
 
     Raises
@@ -53,39 +53,39 @@ def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
     ConvergenceError
         Where muscles cannot be pushed apart, or have no equilibrium behind the barrier.
     """
-    start = _pushed_apart(scene, settled.x)
-    stiffness = BARRIER_STIFFNESS * scene.young
-    barrier = ConvexBarrier(scene.bodies.barrier(start, scene.rest, DISTANCE, stiffness))
+    start = _pushed_apart(muscles, settled.x)
+    stiffness = BARRIER_STIFFNESS * muscles.young
+    barrier = ConvexBarrier(muscles.bodies.barrier(start, muscles.rest, DISTANCE, stiffness))
     free = [start]
 
     def in_place(planes: Array, _: NearEnough | None) -> Equilibrium:
-        found = scene.solve([*scene.planes(planes, None), barrier], free[-1], True)
+        found = muscles.solve([*muscles.planes(planes, None), barrier], free[-1], True)
         free.append(found.x)
         return found
 
-    found = settle(in_place, start, limits, f"{scene.name}, behind a barrier")
-    left = scene.bodies.crossings(found.x, itself=True)
+    found = settle(in_place, start, limits, f"{muscles.name}, behind a barrier")
+    left = muscles.bodies.crossings(found.x, itself=True)
     if len(left.edges):
-        raise no_room(scene.name, scene.bodies, found.x, left)
+        raise no_room(muscles.name, muscles.bodies, found.x, left)
     return replace(found, renewals=settled.renewals + found.renewals)
 
 
-def _pushed_apart(scene: Scene, x: Array) -> Array:
+def _pushed_apart(muscles: MusclesInFrame, x: Array) -> Array:
     """Positions near x (n, 3) at which no bodies cross."""
     for count in range(ROUNDS + 1):
-        found = scene.bodies.crossings(x, itself=True)
-        log.info("%s: %d crossings after %d pushes", scene.name, len(found.edges), count)
+        found = muscles.bodies.crossings(x, itself=True)
+        log.info("%s: %d crossings after %d pushes", muscles.name, len(found.edges), count)
         if not len(found.edges):
             return x
         if count < ROUNDS:
             margin = MARGIN + GROWTH * count
-            x = scene.solve([*scene.planes(x, margin), _push(scene, x, found, margin)], x, False).x
-    raise no_room(scene.name, scene.bodies, x, found)
+            x = muscles.solve([*muscles.planes(x, margin), _push(muscles, x, found, margin)], x, False).x
+    raise no_room(muscles.name, muscles.bodies, x, found)
 
 
-def _push(scene: Scene, x: Array, found: Crossings, margin: float) -> Contact:
+def _push(muscles: MusclesInFrame, x: Array, found: Crossings, margin: float) -> Contact:
     """Contact of the places where edges cross triangles, along the difference of the two sheets' normals."""
-    bodies, surface = scene.bodies, scene.bodies.surface(x)
+    bodies, surface = muscles.bodies, muscles.bodies.surface(x)
     on_edges = _on_edges(surface.vertices, found)
     feet = barycentric_matrix(on_edges @ surface.vertices, found.triangles, surface.vertices)
     normals = surface.vertex_normals()
@@ -96,7 +96,7 @@ def _push(scene: Scene, x: Array, found: Crossings, margin: float) -> Contact:
     apart = sparse.csr_matrix(on_edges - feet)
     of_bones = apart[:, bodies.count :] @ bodies.bones[0]  # which do not move
     moving = apart[:, : bodies.count] @ bodies.operator
-    return Contact(moving, margin * directions - of_bones, directions, scene.push)
+    return Contact(moving, margin * directions - of_bones, directions, muscles.push)
 
 
 def _on_edges(points: Array, found: Crossings) -> sparse.csr_matrix:

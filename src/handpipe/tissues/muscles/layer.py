@@ -39,7 +39,7 @@ from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
-from handpipe.tissues.muscles.barrier import Scene, kept_apart, no_room
+from handpipe.tissues.muscles.barrier import MusclesInFrame, kept_apart, no_room
 from handpipe.tissues.muscles.colliding import Bodies, held_vertices
 from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
@@ -258,7 +258,7 @@ class MuscleLayer:
             if self.options.barrier:
                 bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)
                 settled = kept_apart(
-                    self._scene(bodies, free, obstacles, frame.name), settled, self.options.contacts
+                    self._in_frame(bodies, free, obstacles, frame.name), settled, self.options.contacts
                 )
                 self._require_apart(
                     Bodies.of(self.muscles, self.surfaces, posed, settled.x), settled.x, frame
@@ -335,9 +335,9 @@ class MuscleLayer:
         name = f"{self.name} of {frame}"
         return settle(in_place, x, self.options.contacts, name, mover=self._mover, parts=self.parts)
 
-    def _scene(
+    def _in_frame(
         self, bodies: Bodies, free: list[Potential], obstacles: Sequence[Distance], frame: str
-    ) -> Scene:
+    ) -> MusclesInFrame:
         """What the barrier needs of the muscles in a frame."""
 
         def planes(x: Array, margin: float | None) -> list[Potential]:
@@ -350,7 +350,7 @@ class MuscleLayer:
 
         young, rest = float(np.max(self.options.material.young)), self.elastic.vertices
         name = f"{self.name} of {frame}"
-        return Scene(name, bodies, rest, young, self.options.contact, planes, solve)
+        return MusclesInFrame(name, bodies, rest, young, self.options.contact, planes, solve)
 
     def _require_apart(self, bodies: Bodies, x: Array, frame: Frame) -> None:
         """Raise `ConvergenceError` where muscles behind a barrier cross, with bones near them at x (N, 3)."""

@@ -13,7 +13,7 @@ from handpipe.fem.contact import Barrier
 from handpipe.fem.solver import Settled
 from handpipe.tissues.fat.bending.bodies import Bodies
 from handpipe.tissues.fat.bending.bones import partway, turn
-from handpipe.tissues.fat.resting import OPTIONS, Scene, behind
+from handpipe.tissues.fat.resting import OPTIONS, LoadCase, behind
 from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ class _Hasty:
         return self._left <= 0
 
 
-SceneAt = Callable[[Mapping[str, RigidTransform], Mapping[str, Shapes]], Scene]
+CaseAt = Callable[[Mapping[str, RigidTransform], Mapping[str, Shapes]], LoadCase]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Origin:
 
 
 def bent(
-    scene_at: SceneAt, last: Scene, bones: Mapping[str, RigidTransform], origin: Origin, pace: Pace
+    case_at: CaseAt, last: LoadCase, bones: Mapping[str, RigidTransform], origin: Origin, pace: Pace
 ) -> Settled:
     """The equilibrium of a tissue in a pose, by smaller bends from where its skin does not cross itself.
 
@@ -100,9 +100,9 @@ def bent(
 
     Parameters
     ----------
-    scene_at : callable
+    case_at : callable
         The tissue in a pose, from the bones' transforms and the shapes by layer.
-    last : Scene
+    last : LoadCase
         The tissue in the last pose.
     bones : mapping of str to RigidTransform
         Transforms of the bones in the last pose.
@@ -136,11 +136,11 @@ def bent(
     while done < 1.0:
         share = min(1.0, done + size)
         there = partway(origin.bones, bones, parents, share)
-        scene = scene_at(there, bodies.at(there, share))
+        case = case_at(there, bodies.at(there, share))
         start = carried(tissue, barrier, x, before, there)
         try:
             hasty = replace(BRIEF, enough=_Hasty(pace.iterations))
-            x = scene.equilibrium([barrier], start, start, hasty).x
+            x = case.equilibrium([barrier], start, start, hasty).x
         except ConvergenceError as error:
             size *= 0.5
             if size < SMALLEST * first:

@@ -6,8 +6,8 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.tissues.fat.resting.from_starts import LOST, at_rest, opened, settled_from
+    from handpipe.tissues.fat.resting.load_case import CONTACTS, OPTIONS, LoadCase
     from handpipe.tissues.fat.resting.pressures import pressures_at
-    from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
     from handpipe.tissues.fat.resting.skin_barrier import behind, kept_apart, penetration
 else:
     __getattr__ = face(__name__)
@@ -16,7 +16,7 @@ __all__ = [
     "CONTACTS",
     "LOST",
     "OPTIONS",
-    "Scene",
+    "LoadCase",
     "at_rest",
     "behind",
     "kept_apart",

@@ -11,7 +11,7 @@ from handpipe.core import Array, ConvergenceError
 from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, settle
-from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
+from handpipe.tissues.fat.resting.load_case import CONTACTS, OPTIONS, LoadCase
 
 log = logging.getLogger(__name__)
 
@@ -21,12 +21,12 @@ SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin
 SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 
 
-def settled_from(scene: Scene, start: Array, contacts: Limits = CONTACTS) -> Settled:
+def settled_from(case: LoadCase, start: Array, contacts: Limits = CONTACTS) -> Settled:
     """The equilibrium near a start; contact planes are renewed until the skin has settled.
 
     Parameters
     ----------
-    scene : Scene
+    case : LoadCase
         The tissue in a frame.
     start : array (n, 3)
         Vertices in mm from which it starts.
@@ -43,10 +43,10 @@ def settled_from(scene: Scene, start: Array, contacts: Limits = CONTACTS) -> Set
     ConvergenceError
         Where there is no equilibrium, or the skin does not come to rest.
     """
-    return settle(partial(_near, scene), start, contacts, "soft tissue", scene.skin_motion)
+    return settle(partial(_near, case), start, contacts, "soft tissue", case.skin_motion)
 
 
-def at_rest(scene: Scene, starts: Sequence[Array]) -> Settled:
+def at_rest(case: LoadCase, starts: Sequence[Array]) -> Settled:
     """The equilibrium from the first start that ends without self-penetration.
 
     Self-penetration is that of the skin. Starts are tried in turn, by way of smaller sizes where their
@@ -57,7 +57,7 @@ def at_rest(scene: Scene, starts: Sequence[Array]) -> Settled:
 
     Parameters
     ----------
-    scene : Scene
+    case : LoadCase
         The tissue in a frame.
     starts : sequence of array (n, 3)
         Vertices in mm, best first.
@@ -72,15 +72,15 @@ def at_rest(scene: Scene, starts: Sequence[Array]) -> Settled:
     ConvergenceError
         The last one, where no start led to an equilibrium.
     """
-    overlap = scene.tissue.overlap
+    overlap = case.tissue.overlap
     found: list[Settled] = []
     failure: ConvergenceError | None = None
-    for way in _ways(scene, _worth_trying(scene, starts, found)):
+    for way in _ways(case, _worth_trying(case, starts, found)):
         if found:
             text = "soft tissue: skin self-penetration %.2f mm; retrying from the next start"
             log.info(text, overlap(found[-1].x))
         try:
-            found.append(settled_from(scene, way))
+            found.append(settled_from(case, way))
         except ConvergenceError as error:
             log.warning("soft tissue: %s", error)
             failure = error
@@ -92,7 +92,7 @@ def at_rest(scene: Scene, starts: Sequence[Array]) -> Settled:
     return min(found, key=lambda settled: overlap(settled.x))
 
 
-def opened(scene: Scene, x: Array, anyway: bool = False) -> Array:
+def opened(case: LoadCase, x: Array, anyway: bool = False) -> Array:
     """A start with open creases.
 
     The tissue is shrunk, draws back from the creases, and grows again. Skin deep in other skin needs this
@@ -100,7 +100,7 @@ def opened(scene: Scene, x: Array, anyway: bool = False) -> Array:
 
     Parameters
     ----------
-    scene : Scene
+    case : LoadCase
         The tissue in a frame.
     x : array (n, 3)
         Vertices in mm.
@@ -112,12 +112,12 @@ def opened(scene: Scene, x: Array, anyway: bool = False) -> Array:
     array (n, 3)
         The start in mm.
     """
-    overlap = scene.tissue.overlap
+    overlap = case.tissue.overlap
     if not anyway and overlap(x) < CROWDED:
         return x
     for size in SIZES:
         try:
-            x = _near(scene.with_strains(size * scene.elastic.strains), x).x
+            x = _near(case.with_strains(size * case.elastic.strains), x).x
         except ConvergenceError as error:
             log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
         else:
@@ -125,34 +125,34 @@ def opened(scene: Scene, x: Array, anyway: bool = False) -> Array:
     return x
 
 
-def _worth_trying(scene: Scene, starts: Iterable[Array], found: Sequence[Settled]) -> Iterator[Array]:
+def _worth_trying(case: LoadCase, starts: Iterable[Array], found: Sequence[Settled]) -> Iterator[Array]:
     """Starts (n, 3), without those deep in themselves once something is found."""
     for start in starts:
-        if found and (depth := scene.tissue.overlap(start)) >= LOST:
+        if found and (depth := case.tissue.overlap(start)) >= LOST:
             log.info("soft tissue: a start with skin %.2f mm in itself is not tried", depth)
             continue
         yield start
 
 
-def _ways(scene: Scene, starts: Iterable[Array]) -> Iterator[Array]:
+def _ways(case: LoadCase, starts: Iterable[Array]) -> Iterator[Array]:
     """Initial guesses (n, 3): each start, opened if it has to be, then opened anyway."""
     for start in starts:
-        way = opened(scene, start)
+        way = opened(case, start)
         yield way
         if way is start:
-            yield opened(scene, start, anyway=True)
+            yield opened(case, start, anyway=True)
 
 
-def _near(scene: Scene, start: Array, enough: NearEnough | None = None) -> Equilibrium:
+def _near(case: LoadCase, start: Array, enough: NearEnough | None = None) -> Equilibrium:
     """The equilibrium near a start (n, 3), with contact planes as there."""
     options = replace(OPTIONS, enough=enough)
     try:
-        given = scene.potentials(start)
-        return equilibrium.solve(given, start, options=options, analyses=scene.tissue.analyses)
+        given = case.potentials(start)
+        return equilibrium.solve(given, start, options=options, analyses=case.tissue.analyses)
     except ConvergenceError as error:
         log.info("%s; retrying with constraints that stiffen in steps", error)
 
     def softened(t: float) -> list[Potential]:
-        return scene.potentials(start, SOFTEST ** (1 - t))
+        return case.potentials(start, SOFTEST ** (1 - t))
 
     return equilibrium.continuation(softened, start, options=OPTIONS)

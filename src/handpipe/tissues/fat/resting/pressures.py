@@ -8,16 +8,16 @@ from scipy import sparse
 from handpipe.core import Array
 from handpipe.fem.contact import Contact, contact_pressures
 from handpipe.mesh.tets import mass_lumped
-from handpipe.tissues.fat.resting.scene import Scene
+from handpipe.tissues.fat.resting.load_case import LoadCase
 from handpipe.tissues.fat.skin_contact import skin_on_skin
 
 
-def pressures_at(scene: Scene, x: Array) -> dict[str, dict[str, Array]]:
+def pressures_at(case: LoadCase, x: Array) -> dict[str, dict[str, Array]]:
     """Contact pressures of a tissue in a frame.
 
     Parameters
     ----------
-    scene : Scene
+    case : LoadCase
         The tissue in the frame.
     x : array (n, 3)
         Its vertices in mm.
@@ -29,12 +29,12 @@ def pressures_at(scene: Scene, x: Array) -> dict[str, dict[str, Array]]:
         vertex (k,), that of the tissue on a body below by its vertex; the latter is zero where the tissue is
         fixed or slides.
     """
-    return {"": {"skin": _on_skin(scene, x)}, **_on_bodies(scene, x)}
+    return {"": {"skin": _on_skin(case, x)}, **_on_bodies(case, x)}
 
 
-def _on_skin(scene: Scene, x: Array) -> Array:
+def _on_skin(case: LoadCase, x: Array) -> Array:
     """Pressure (k,) of the skin on itself: the barrier's, or the planes' where it crosses itself."""
-    tissue, skin = scene.tissue, scene.skin(x)
+    tissue, skin = case.tissue, case.skin(x)
     barrier = tissue.skin_barrier()
     if barrier is not None and not barrier.intersects(x):
         areas = mass_lumped(skin.vertices, skin.triangles)
@@ -44,15 +44,15 @@ def _on_skin(scene: Scene, x: Array) -> Array:
     return contact_pressures(skin_on_skin(tissue.skin, skin, identity, stiffness), skin)
 
 
-def _on_bodies(scene: Scene, x: Array) -> dict[str, dict[str, Array]]:
+def _on_bodies(case: LoadCase, x: Array) -> dict[str, dict[str, Array]]:
     """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""
-    inner, ids = scene.tissue.inner, scene.tissue.touching
-    given = scene.on_bodies(x, scene.tissue.settings.stiffness)
+    inner, ids = case.tissue.inner, case.tissue.touching
+    given = case.on_bodies(x, case.tissue.settings.stiffness)
     contacts = [c for c in given if isinstance(c, Contact)]
     force = np.zeros(len(inner.rest))
     force[ids] = np.sum([np.linalg.norm(c.forces(c.points(x)), axis=1) for c in contacts], axis=0)
     found: dict[str, dict[str, Array]] = {}
-    for body, surface in enumerate(inner.surfaces(scene.below)):
+    for body, surface in enumerate(inner.surfaces(case.below)):
         mine = ids[inner.body[ids] == body]
         if len(mine):
             total = np.zeros(len(surface.vertices))

@@ -12,7 +12,7 @@ from handpipe.fem.contact import Barrier
 from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.solver import NearEnough, Settled, settle
 from handpipe.mesh.contact import crossings, self_contact
-from handpipe.tissues.fat.resting.scene import CONTACTS, OPTIONS, Scene
+from handpipe.tissues.fat.resting.load_case import CONTACTS, OPTIONS, LoadCase
 from handpipe.tissues.fat.resting.skin_pushes import crossing_vertices, pushes
 from handpipe.tissues.fat.skin_contact import DEEP, DISTANCE
 from handpipe.tissues.fat.tissue import Tissue
@@ -25,12 +25,12 @@ EARLY, FALLEN = 4, 0.25  # after so many rounds, the share of crossing vertices 
 REMEDY = "The pose may leave no room for flesh: bend less, or scan a pose near it."
 
 
-def kept_apart(scene: Scene, settled: Settled) -> Settled:
+def kept_apart(case: LoadCase, settled: Settled) -> Settled:
     """The equilibrium behind a barrier of the skin against itself, near one with contact planes.
 
     Parameters
     ----------
-    scene : Scene
+    case : LoadCase
         The tissue in a frame.
     settled : Settled
         Its equilibrium with contact planes.
@@ -46,25 +46,25 @@ def kept_apart(scene: Scene, settled: Settled) -> Settled:
     ConvergenceError
         Where the skin cannot be pushed apart, or has no equilibrium behind the barrier.
     """
-    barrier, x = scene.tissue.skin_barrier(), settled.x
+    barrier, x = case.tissue.skin_barrier(), settled.x
     if barrier is None:
         return settled
-    if len(crossings(scene.skin(x))):
-        x = _pushed_apart(scene, x)
+    if len(crossings(case.skin(x))):
+        x = _pushed_apart(case, x)
     elif not np.isfinite(barrier.gap(x)):
         return settled
-    found = behind(scene, barrier, x)
+    found = behind(case, barrier, x)
     return replace(found, renewals=settled.renewals + found.renewals)
 
 
-def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
+def behind(case: LoadCase, barrier: Barrier, start: Array) -> Settled:
     """The equilibrium with a barrier, from a start without crossings; the bodies' planes are renewed.
 
     Each solve starts from the one before: what the renewal makes of two of them may intersect.
 
     Parameters
     ----------
-    scene : Scene
+    case : LoadCase
         The tissue in a frame.
     barrier : Barrier
         The barrier of its skin.
@@ -84,42 +84,42 @@ def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
     free = [start]
 
     def in_place(planes: Array, enough: NearEnough | None) -> Equilibrium:
-        found = scene.equilibrium([barrier], planes, free[-1], replace(OPTIONS, enough=enough))
+        found = case.equilibrium([barrier], planes, free[-1], replace(OPTIONS, enough=enough))
         free.append(found.x)
         return found
 
-    settled = settle(in_place, start, CONTACTS, "soft tissue, skin behind a barrier", scene.skin_motion)
-    left = crossing_vertices(scene.skin(settled.x))
+    settled = settle(in_place, start, CONTACTS, "soft tissue, skin behind a barrier", case.skin_motion)
+    left = crossing_vertices(case.skin(settled.x))
     if len(left):
-        raise _no_room(scene, settled.x, left)
+        raise _no_room(case, settled.x, left)
     return settled
 
 
-def _pushed_apart(scene: Scene, x: Array) -> Array:
+def _pushed_apart(case: LoadCase, x: Array) -> Array:
     """Positions near x (n, 3) at which the skin does not cross itself."""
-    tissue = scene.tissue
+    tissue = case.tissue
     stiffness = tissue.settings.stiffness * tissue.skin_areas
     margins, counts = np.full(len(tissue.skin.vertices), MARGIN), list[int]()
     while True:
-        skin = scene.skin(x)
+        skin = case.skin(x)
         left = crossing_vertices(skin)
         counts.append(len(left))
         log.info("soft tissue: %d skin vertices at crossings after %d pushes", len(left), len(counts) - 1)
         if not len(left):
             return x
         if len(counts) > ROUNDS or (len(counts) > EARLY and counts[-1] > FALLEN * counts[0]):
-            raise _no_room(scene, x, left)
+            raise _no_room(case, x, left)
         contact = pushes(tissue.skin, skin, tissue.skin_matrix, stiffness, margins)
         try:
-            x = scene.equilibrium(contact, x, x).x
+            x = case.equilibrium(contact, x, x).x
         except ConvergenceError as error:  # as where pushes against one another turn tets inside out
-            raise _no_room(scene, x, left) from error
+            raise _no_room(case, x, left) from error
         margins[left] += GROWTH
 
 
-def _no_room(scene: Scene, x: Array, vertices: IntArray) -> ConvergenceError:
+def _no_room(case: LoadCase, x: Array, vertices: IntArray) -> ConvergenceError:
     """The skin crosses itself at vertices (k,) with the tissue at x (n, 3)."""
-    tissue, skin = scene.tissue, scene.skin(x)
+    tissue, skin = case.tissue, case.skin(x)
     bones = (tissue.skin_matrix[vertices] @ tissue.weights).sum(axis=0)
     near = [tissue.bones[i] for i in np.argsort(-bones)[:2] if bones[i] > 0]
     place = ", ".join(f"{c:.1f}" for c in np.median(skin.vertices[vertices], axis=0))

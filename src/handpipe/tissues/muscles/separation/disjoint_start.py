@@ -78,23 +78,23 @@ def _deflated(muscles: Sequence[Collider], bones: Sequence[Collider], deepest: f
     Deflated muscles that cut themselves would keep their folds while they grow back: they are deflated
     further. Where that leads nowhere, the bodies with the fewest folds serve that are apart from one another.
     """
-    scene = _Deflating(muscles, bones, deepest)
-    pair = scene.part(ROUNDS)
-    if not scene.rounds:
+    deflating = _Deflating(muscles, bones, deepest)
+    pair = deflating.part(ROUNDS)
+    if not deflating.rounds:
         return None
     if pair:
         raise Inseparable("Separation of muscles", f"{pair} intersect even when deflated to threads")
-    best, least, most = scene.places(), np.inf, scene.rounds + UNFOLDING
+    best, least, most = deflating.places(), np.inf, deflating.rounds + UNFOLDING
     while not pair:
-        folded = scene.folds()
+        folded = deflating.folds()
         count = sum(map(len, folded.values()))
         if count < least:
-            best, least = scene.places(), count
-        if not folded or scene.rounds >= most:
+            best, least = deflating.places(), count
+        if not folded or deflating.rounds >= most:
             break
         log.info("separation: muscles that cut themselves: %s", ", ".join(muscles[i].name for i in folded))
-        scene.unfold(folded)
-        pair = scene.part(most)
+        deflating.unfold(folded)
+        pair = deflating.part(most)
     return best
 
 

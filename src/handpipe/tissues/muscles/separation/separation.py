@@ -153,27 +153,29 @@ def separate(
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)
-    scene = _Scene(
+    colliders = _Colliders(
         [
             Collider(n, s, np.asarray((attached or {}).get(n, nothing)), visible=(visible or {}).get(n))
             for n, s in muscles.items()
         ],
         [Collider(n, s, nothing, fixed=True) for n, s in fixed.items()],
     )
-    rest = scene.rest()
-    before = scene.penetration(rest)
-    apart = disjoint_start(scene.muscles, scene.bones)
+    rest = colliders.rest()
+    before = colliders.penetration(rest)
+    apart = disjoint_start(colliders.muscles, colliders.bones)
     if apart is None:
         return Separation(dict(muscles), before, before, 0)
-    x, iterations = _grown(scene, rest, np.concatenate(apart), options)
-    surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(muscles, scene.muscles, scene.parts, strict=True)}
+    x, iterations = _grown(colliders, rest, np.concatenate(apart), options)
+    surfaces = {
+        n: b.surface.moved(x[p]) for n, b, p in zip(muscles, colliders.muscles, colliders.parts, strict=True)
+    }
     for name, surface in surfaces.items():
         _name_folds(name, surface)
-    return Separation(surfaces, before, scene.penetration(x), iterations)
+    return Separation(surfaces, before, colliders.penetration(x), iterations)
 
 
 @dataclass(frozen=True)
-class _Scene:
+class _Colliders:
     """Muscles, with their vertices concatenated in x (N, 3), and bones."""
 
     muscles: list[Collider]
@@ -245,12 +247,12 @@ def _joined(bones: Sequence[Collider]) -> tuple[Array, IntArray] | None:
     return np.concatenate([b.surface.vertices for b in bones]), np.concatenate(triangles)
 
 
-def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions) -> tuple[Array, int]:
+def _grown(colliders: _Colliders, rest: Array, start: Array, options: SeparationOptions) -> tuple[Array, int]:
     """Vertices (N, 3) at the minimum with volumes kept, and the number of iterations."""
-    surfaces = [b.surface for b in scene.muscles]
-    plates = [_plate(b, options.reach) for b in scene.muscles]
+    surfaces = [b.surface for b in colliders.muscles]
+    plates = [_plate(b, options.reach) for b in colliders.muscles]
     plate = Plate(sparse.block_diag(plates, format="csr"), rest)
-    barrier = scene.barrier(start, options.clearance)
+    barrier = colliders.barrier(start, options.clearance)
     settings = equilibrium.Options(
         displacement_tolerance=options.tolerance,
         force_tolerance=FORCE_TOLERANCE,
@@ -261,7 +263,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     )
     loose = replace(settings, displacement_tolerance=LOOSE_TOLERANCE * options.tolerance, force_tolerance=1.0)
     compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
-    volumes = KeptVolumes(surfaces, scene.parts, compliances, options.volume)
+    volumes = KeptVolumes(surfaces, colliders.parts, compliances, options.volume)
     x, iterations = start, 0
     # Behind a barrier of long range, bodies move apart before they touch.
     for times in BARRIER_RANGES:
@@ -275,7 +277,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
         x, iterations = found.x, iterations + found.record.iterations
         log.info("separation: volumes changed by up to %.2f %%", 100 * np.abs(volumes.changes(x)).max())
         if found.record.converged and volumes.kept(x):
-            return _attached_at_rest(scene, rest, x, barrier), iterations
+            return _attached_at_rest(colliders, rest, x, barrier), iterations
         volumes.renew(x)
     largest = 100 * np.abs(volumes.changes(x)).max()
     problem = f"{iterations} iterations, volumes changed by up to {largest:.1f} %: {found.record.reason}"
@@ -293,9 +295,9 @@ def _plate(body: Collider, reach: float) -> sparse.csr_matrix:
     return sparse.csr_matrix(plate + sparse.diags(pull))
 
 
-def _attached_at_rest(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
+def _attached_at_rest(colliders: _Colliders, rest: Array, x: Array, barrier: Barrier) -> Array:
     """Positions x with attached vertices exactly at rest, if no bodies intersect then."""
-    placed, attached = x.copy(), scene.attached()
+    placed, attached = x.copy(), colliders.attached()
     placed[attached] = rest[attached]
     if not barrier.intersects(placed):
         return placed

@@ -32,7 +32,7 @@ HARD = ("bones", "bone_fascia")  # layers of bones
 
 
 @dataclass(frozen=True)
-class Scene:
+class LoadCase:
     """A tissue in a frame.
 
     Parameters
@@ -61,12 +61,12 @@ class Scene:
         below: Mapping[str, Shapes],
         rigid: Mapping[str, RigidTransform],
         strains: Array | None = None,
-    ) -> Scene:
+    ) -> LoadCase:
         """The tissue under plastic strains (m, 6), by default none."""
-        return Scene(tissue, below, rigid, tissue.strained(strains))
+        return LoadCase(tissue, below, rigid, tissue.strained(strains))
 
-    def with_strains(self, strains: Array) -> Scene:
-        """The same scene with other plastic strains (m, 6)."""
+    def with_strains(self, strains: Array) -> LoadCase:
+        """The same case with other plastic strains (m, 6)."""
         return replace(self, elastic=self.elastic.with_strains(strains))
 
     def skin(self, x: Array) -> Surface:
