@@ -63,7 +63,7 @@ def _muscles(subject: Subject, young: float = 1.0, other: float = 1.0) -> Muscle
         **{name: other * getattr(options, name) for name in ("spring", "bed", "contact", "sliding")},
     )
     made = MuscleLayer(usual.muscles, changed)
-    made.slides = usual.slides
+    made.contacts = replace(usual.contacts, options=changed)
     return made
 
 

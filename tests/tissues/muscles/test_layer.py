@@ -23,8 +23,9 @@ from handpipe.shapes.strains.stretch import StretchField
 from handpipe.skeleton.posing.layer import BoneLayer
 from handpipe.tissues.muscles.fitting.pose_strains import PoseStrains
 from handpipe.tissues.muscles.fitting.soft_body import SoftBody
-from handpipe.tissues.muscles.layer import MuscleLayer, SimulationOptions
+from handpipe.tissues.muscles.layer import MuscleLayer
 from handpipe.tissues.muscles.muscle import Examples, Muscle, SeparatedShape
+from handpipe.tissues.muscles.options import SimulationOptions
 
 PARENTS = {"b": "a"}
 
@@ -76,12 +77,12 @@ def test_sliding_fades_without_a_jump_where_neighbours_gape():
     """A muscle is lifted off the one that it slides on: its pull rises, fades, and is zero at 1 mm."""
     layer = MuscleLayer([muscle("low"), muscle("high", (0.0, 0.0, 6.2))])
     rest, high = layer.elastic.vertices, layer.parts[1]
-    assert layer.slides
+    assert layer.contacts.slides
     heights, pulls = np.arange(0.0, 1.2, 0.005), []
     for height in heights:
         x = rest.copy()
         x[high, 2] += height
-        springs = layer._neighbours(x, layer.surfaces, None)
+        springs = layer.contacts.with_neighbours(x, layer.surfaces, None)
         pulls.append(sum(p.gradient(x)[high, 2].sum() for p in springs))
     pulls = np.array(pulls)
     assert np.abs(np.diff(pulls)).max() < 0.05 * pulls.max()

@@ -6,8 +6,9 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.tissues.muscles import fitting, separation
-    from handpipe.tissues.muscles.layer import MuscleLayer, SimulationOptions
+    from handpipe.tissues.muscles.layer import MuscleLayer
     from handpipe.tissues.muscles.muscle import Examples, Muscle, SeparatedShape
+    from handpipe.tissues.muscles.options import SimulationOptions
 else:
     __getattr__ = face(__name__)
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 import copy
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -23,35 +22,29 @@ from handpipe.core import (
     BoolArray,
     ConvergenceError,
     Frame,
-    IntArray,
     RigidTransform,
     Shape,
     Shapes,
     SimulatedFrame,
     flesh_in,
 )
-from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, contact_pressures, left_deep
-from handpipe.fem.elements import Material, Validity
+from handpipe.fem.contact import Attachment
+from handpipe.fem.elements import Validity
 from handpipe.fem.minimisation import Equilibrium
 from handpipe.fem.potentials import Elastic, Potential, Viscosity
-from handpipe.fem.solver import Limits, NearEnough, Settled, equilibrium, settle
+from handpipe.fem.solver import NearEnough, Settled, equilibrium, settle
 from handpipe.mesh.contact import cuts_itself
-from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
+from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, each_moved
 from handpipe.mesh.tets import mass_lumped
-from handpipe.shapes.optimisation import MUSCLE
 from handpipe.tissues.muscles.barrier import MusclesInFrame, kept_apart, no_room
 from handpipe.tissues.muscles.colliding import Bodies, held_vertices
+from handpipe.tissues.muscles.contacts import MuscleContacts, free_points
 from handpipe.tissues.muscles.muscle import Muscle
-from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
+from handpipe.tissues.muscles.options import SimulationOptions
 from handpipe.tissues.muscles.penetration import Penetration, Posed
-
-# Matrix (c, N) to vectors between neighbours, places and normals (c, 3) of planes, stiffnesses (c,)
-Planes = tuple[sparse.csr_matrix, Array, Array, Array]
 
 log = logging.getLogger(__name__)
 
-BITE = 0.5  # mm of depth, at most, that one set of planes resolves: more at once throws thin muscles far off
-GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
 # mm and 1: tolerances of a start; it may end before it has converged
 ROUGHLY: dict[str, Any] = {
     "displacement_tolerance": 0.01,
@@ -61,43 +54,6 @@ ROUGHLY: dict[str, Any] = {
     "untangle": False,
 }
 STILL, LOOSE, LONGEST = 1e-3, 1e-3, 3.0  # mm, 1 and mm: tolerances of moves and forces, and the longest step
-
-
-@dataclass(frozen=True)
-class SimulationOptions:
-    """Material, stiffnesses and contact limits of the simulation of muscles.
-
-    Parameters
-    ----------
-    material : Material
-        Material of the muscles.
-    spring : float
-        Stiffness in mN/mm of an attached point.
-    bed : float
-        Stiffness in mN/mm of 1 mm^2 of surface, that of 2 mm of fat.
-    contact, sliding : float
-        Stiffnesses in mN/mm of a point in contact, and of one that slides.
-    near : float
-        Distance in mm within which neighbours slide on one another.
-    touch : float
-        Distance in mm within which neighbours have contact planes.
-    barrier : bool
-        Whether a barrier keeps muscles out of bones, of one another and of themselves; else contact planes
-        alone, and crossings are counted and named.
-    contacts : Limits
-        How often planes are renewed. A vertex that moves by more than `touch` after that may be inside a
-        neighbour without a plane against it: that motion is gross.
-    """
-
-    material: Material = MUSCLE
-    spring: float = 2000.0
-    bed: float = 0.5
-    contact: float = 500.0
-    sliding: float = 4.0
-    near: float = 1.0
-    touch: float = 0.4
-    barrier: bool = False
-    contacts: Limits = Limits(renewals=20, settled=0.05, gross=0.4)
 
 
 class MuscleLayer:
@@ -136,13 +92,11 @@ class MuscleLayer:
         tets = [m.body.mesh.tets + a for m, a in zip(self.muscles, starts, strict=False)]
         self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
         self.surfaces = [self._lifted(m.body.matrix, i) for i, m in enumerate(self.muscles)]
-        free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
-        self.free_points = sparse.vstack(free, format="csr")  # from all vertices to the free ones of surfaces
+        self.free_points = free_points(self.muscles, self.surfaces)
         anchors = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
         self.anchors = sparse.vstack(anchors, format="csr")  # and to the points attached to bones
-        neutral = {m.name: m.body.surface for m in self.muscles}
+        self.contacts = MuscleContacts.of(self.muscles, self.options, examples)
         self._to_bones = BodyDistances()
-        self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
     def behind_barrier(self) -> MuscleLayer:
         """The same layer, its muscles kept apart by a barrier."""
@@ -287,21 +241,8 @@ class MuscleLayer:
             return {}
         bones = [Distance(bone) for bone in each_moved(_neutral(shapes), frame.bones).values()]
         posed = [m.body.surface.moved(shapes[self.name][m.name].vertices) for m in self.muscles]
-        starts = np.cumsum([0, *(len(s.vertices) for s in posed)])
-        parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
-        together = Surface(
-            np.concatenate([s.vertices for s in posed]),
-            np.concatenate([s.triangles + a for s, a in zip(posed, starts, strict=False)]),
-        )
-        identity = sparse.identity(len(together.vertices), format="csr")
-        operators = [identity[part] for part in parts]
-        free = [_without(o, m.firm) for o, m in zip(operators, self.muscles, strict=True)]
-        potentials = [
-            *self._bone_contacts(bones, together.vertices, sparse.vstack(free, format="csr")),
-            *self._neighbours(together.vertices, operators),
-        ]
-        found = contact_pressures(potentials, together)
-        return {self.name: {m.name: found[p] for m, p in zip(self.muscles, parts, strict=True)}}
+        found = self.contacts.pressures(bones, posed)
+        return {self.name: {m.name: each for m, each in zip(self.muscles, found, strict=True)}}
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
@@ -342,7 +283,7 @@ class MuscleLayer:
 
         def planes(x: Array, margin: float | None) -> list[Potential]:
             if margin is None:
-                return self._neighbours(x, self.surfaces, None)
+                return self.contacts.with_neighbours(x, self.surfaces, None)
             return self._contacts(obstacles, x, margin)
 
         def solve(contact: list[Potential], start: Array, exactly: bool) -> Equilibrium:
@@ -380,11 +321,6 @@ class MuscleLayer:
         """Of each muscle, which of its surface's vertices (v,) go with a bone."""
         return [np.isin(np.arange(len(m.body.surface.vertices)), held_vertices(m)) for m in self.muscles]
 
-    @cached_property
-    def _folded(self) -> frozenset[str]:
-        """Muscles that cut themselves in neutral: far outside of them the sign by normals may be wrong."""
-        return frozenset(m.name for m in self.muscles if cuts_itself(m.body.surface))
-
     def _mover(self, motion: Array) -> str:
         """The muscle that has the longest vector of a motion (N, 3)."""
         worst = int(np.argmax((motion**2).sum(axis=1)))
@@ -395,51 +331,8 @@ class MuscleLayer:
 
         margin: mm that they keep off.
         """
-        of_bones = self._bone_contacts(bones, x, self.free_points, margin)
-        return [*of_bones, *self._neighbours(x, self.surfaces, margin)]
-
-    def _bone_contacts(
-        self, bones: Sequence[Distance], x: Array, free_points: sparse.csr_matrix, margin: float = 0.0
-    ) -> list[Potential]:
-        """Contact with every bone of the free surface vertices, `free_points @ x`, that are near it."""
-        points = free_points @ x
-        near = [about(points, bone.surface, GUARDED) for bone in bones]
-        contacts = [
-            SurfaceContact(free_points[ids], bone, self.options.contact, thickness=margin)
-            for ids, bone in zip(near, bones, strict=True)
-            if len(ids)
-        ]
-        return [*SurfaceContact.stacked(contacts)]
-
-    def _neighbours(
-        self, x: Array, surfaces: Sequence[sparse.csr_matrix], margin: float | None = 0.0
-    ) -> list[Potential]:
-        """Contact and sliding of muscles against one another at their present places, `surfaces @ x`.
-
-        margin: mm that contact keeps them off; None: sliding alone. Vertices that a bone holds go with it and
-        push nobody, as in stage 2.
-        """
-        posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, surfaces, strict=True)}
-        distances = {n: Distance(surface, by_winding=n in self._folded) for n, surface in posed.items()}
-        operators = {m.name: s for m, s in zip(self.muscles, surfaces, strict=True)}
-        firm = {m.name: m.firm for m in self.muscles}
-        touching: list[Planes] = []
-        sliding: list[Planes] = []
-        for a, b in permutations(operators, 2):
-            near = pairs(posed[a], distances[b], self.options.near).without(firm[a])
-            if len(near.vertices) == 0:
-                continue
-            touch, slide = near.within(self.options.touch), near.only(self.slides.get((a, b)))
-            if margin is not None:
-                # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
-                left = left_deep(touch.gaps, touch.normals, BITE) + margin * touch.normals
-                stiffness = np.full(len(touch.gaps), self.options.contact)
-                touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals, stiffness))
-            # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
-            kept = slide.rest[:, None] * slide.normals
-            stiffness = self.options.sliding * slide.sliding_share(self.options.near)
-            sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals, stiffness))
-        return [*_stacked(Contact, touching), *_stacked(Sliding, sliding)]
+        with_bones = self.contacts.with_bones(bones, x, self.free_points, margin)
+        return [*with_bones, *self.contacts.with_neighbours(x, self.surfaces, margin)]
 
     def _equilibrium(
         self,
@@ -510,19 +403,6 @@ def load(files: Sequence[Path], _: Mapping[str, Surface]) -> MuscleLayer:
     return MuscleLayer(muscles, examples=known_surfaces(muscles))
 
 
-def _apart(near: SurfacePairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
-    """Matrix (c, N) from all vertices to vectors from places of the neighbour to the vertices near them."""
-    return a[near.vertices] - near.feet @ b
-
-
-def _stacked(kind: type[Sliding], planes: Sequence[Planes]) -> list[Potential]:
-    """One potential of the planes of all pairs: a hundred small ones cost more than their sums."""
-    if not planes:
-        return []
-    apart, *others = zip(*planes, strict=True)
-    return [kind(sparse.vstack(apart, format="csr"), *map(np.concatenate, others))]
-
-
 def _settled(shapes: Shapes) -> bool:
     """Whether contact has settled in every shape."""
     return not any(shape.figures.get("contact_unsettled", 0.0) for shape in shapes.values())
@@ -531,9 +411,3 @@ def _settled(shapes: Shapes) -> bool:
 def _neutral(below: Mapping[str, Shapes]) -> dict[str, Surface]:
     """The neutral bones."""
     return {name: Surface(shape.rest, shape.cells) for name, shape in below["bones"].items()}
-
-
-def _without(matrix: sparse.csr_matrix, rows: IntArray) -> sparse.csr_matrix:
-    keep = np.ones(matrix.shape[0], dtype=bool)
-    keep[rows] = False
-    return matrix[keep]
