@@ -1,6 +1,7 @@
 """A motion becomes a table of angles and figures; the figures of its frames have steps, targets and pops."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +103,17 @@ def test_targets_that_are_out_of_reach_are_in_the_table(tmp_path, rig):
     assert table["said"] and "key2: target 1 is out of reach" in table["said"][0]
     assert table["frames"][1]["target_distance"] > 200 and "target_distance" not in table["frames"][0]
     assert metrics.read(made.metrics)["target_distance_max"][0] > 200
+
+
+def test_bones_that_pass_through_one_another_are_said_before_any_simulation(tmp_path, caplog):
+    """Folded flat, the tip lies in the base."""
+    folded = hinge()
+    folded.save(tmp_path / "rig.h5")
+    tip = Surface(CORNERS + [62.0, 0, 0], TRIANGLES)
+    base = Surface(np.array([[-40.0, -8, -8], [60, -8, -8], [-40, 30, -8], [-40, -8, 30]]), TRIANGLES)
+    limits = np.radians([[-10.0, 180.0]])
+    joint = replace(folded.joints[0], limits=limits)
+    Rig("base", (joint,), {"base": base, "tip": tip}, {}).save(tmp_path / "rig.h5")
+    made = expanded(tmp_path, "keys.csv", "key,time [frame],bend [deg]\nopen,0,0\nshut,4,170\n")
+    (sentence,) = json.loads(made.table.read_text())["said"]
+    assert sentence.startswith("shut: base and tip lie up to") and sentence in caplog.text

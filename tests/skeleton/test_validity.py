@@ -6,6 +6,7 @@ import trimesh
 from five_fingers import DESCRIPTION, random_angles, rig
 
 from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.posing.collisions import collisions_of
 from handpipe.skeleton.posing.validity import PoseValidity, validity_table
 from handpipe.skeleton.rig.rig import Rig
 
@@ -72,6 +73,20 @@ def test_the_depth_of_spheres():
         depths.append(expected)
         assert found.get(("distal2", "distal3"), 0.0) == pytest.approx(expected, abs=0.15)
     assert depths[0] == 0 and depths[2] > 2
+
+
+def test_a_motion_names_the_frames_in_which_bones_pass_through_one_another():
+    """The index finger swings through the middle one, back, and into it again."""
+    balls = spheres()
+    swing = [0, -8, -12, -8, 0, -12]  # degrees; the tips clear one another at 0
+    frames = {f"f{i}": ZERO | {"MP2_abduction": np.radians(a)} for i, a in enumerate(swing)}
+    first, second = collisions_of(PoseValidity(balls), frames)
+    assert (first.bones, first.first, first.last) == (("distal2", "distal3"), "f1", "f3")
+    assert (second.first, second.last) == ("f5", "f5")
+    apart = balls.bone_transforms(frames["f2"])["distal2"](np.array([140.0, 10, 0])) - [140, -10, 0]
+    assert first.depth == second.depth == pytest.approx(12 - np.linalg.norm(apart), abs=0.15)
+    assert "f1 to f3: distal2 and distal3" in str(first) and str(second).startswith("f5: distal2")
+    assert collisions_of(PoseValidity(balls), {"open": ZERO}) == []
 
 
 def test_what_neutral_has_does_not_count():

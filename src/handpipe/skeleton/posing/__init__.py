@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.skeleton.posing.collisions import Collision, collisions_of
     from handpipe.skeleton.posing.joint_sweep import FACING, OPPOSED, swept_vertices
     from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
     from handpipe.skeleton.posing.left_out import left_out_weights, prediction_variance
@@ -25,6 +26,7 @@ __all__ = [
     "FACING",
     "OPPOSED",
     "BoneLayer",
+    "Collision",
     "Interpolation",
     "LocalPoseSpaces",
     "PoseSpace",
@@ -34,6 +36,7 @@ __all__ = [
     "blended",
     "bone_regions",
     "bone_weights",
+    "collisions_of",
     "left_out_weights",
     "prediction_variance",
     "smoothed_weights",

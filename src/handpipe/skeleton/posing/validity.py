@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handpipe.core import Array, Metrics, RigidTransform
-from handpipe.mesh.surfaces import Distance
+from handpipe.mesh.surfaces import Distance, about
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.limits import Limits, seen_ranges
 from handpipe.skeleton.rig.rig import Rig
@@ -209,10 +209,9 @@ def depths(
 
 
 def _depth(surface: Distance, points: Array) -> float:
-    """Largest depth in mm of points (n, 3) inside a surface; only those in its box are asked."""
-    lower, upper = surface.surface.vertices.min(axis=0), surface.surface.vertices.max(axis=0)
-    near = points[((points > lower) & (points < upper)).all(axis=1)]
-    return float(max(-surface.signed(near)[0].min(), 0.0)) if len(near) else 0.0
+    """Largest depth in mm of points (n, 3) inside a surface; only those in its boxes are asked."""
+    near = about(points, surface.surface, 0.0)
+    return float(max(-surface.signed(points[near])[0].min(), 0.0)) if len(near) else 0.0
 
 
 def _sphere(points: Array) -> tuple[Array, float]:
