@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from handpipe.core import artifacts
+from handpipe.core import Viscous, artifacts
 from handpipe.core.configuration import Scene
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.core.layers import Frame, Shape
@@ -235,18 +235,14 @@ def test_what_is_known_is_not_solved_again_and_aids_are_not_handed_on():
 def test_the_stage_simulates_frames_as_the_scene_asks(follow, tmp_path, monkeypatch):
     """A layer that is 1 mm higher than in the frame before: from its own start it is at zero."""
 
-    class Rising:
-        name, needs, step = "bones", (), 1.0
-
-        def viscous(self, retardation):
-            self.step = 1.0 - retardation
-            return self
+    class Rising(Viscous):
+        name, needs = "bones", ()
 
         def solve(self, frame, below):
             return self._at(0.0)
 
         def solve_after(self, before, frame, below):
-            return self._at(before[1]["bones"]["body"].vertices[0, 2] + self.step)
+            return self._at(before[1]["bones"]["body"].vertices[0, 2] + 1.0 - self.retardation)
 
         def _at(self, height):
             point = np.array([[0.0, 0.0, height]])
@@ -271,7 +267,6 @@ def test_the_stage_simulates_frames_as_the_scene_asks(follow, tmp_path, monkeypa
     assert ("follow" in artifacts.read_attributes(output)["key"]) == follow
     if follow:  # a viscous tissue rises by half of the way, and is made anew where its viscosity is another
         scene = scene.model_copy(update={"viscosity": 0.5 / 24})
-        monkeypatch.setattr(stage, "TissueLayer", Rising)
         assert heights(inputs) == [0.0, 0.5, 1.0]
         assert json.loads(artifacts.read_attributes(output)["key"])["viscosity"] == str(0.5 / 24)
         scene = scene.model_copy(update={"viscosity": 0.0})

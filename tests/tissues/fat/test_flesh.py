@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from handpipe.core.layers import Frame
+from handpipe.core.layers import Frame, Region, Shape
 from handpipe.core.rigid import RigidTransform
 from handpipe.tissues.fat.flesh import FleshLayer
 from handpipe.tissues.fat.layer import TissueLayer
+from handpipe.tissues.fat.resting import LoadCase, settled_from
 
 from .limb import below, limb
 from .test_skin_on_skin import APART, RADIUS, tissue, together
@@ -72,3 +73,25 @@ def test_prongs_pressed_together_stay_round_and_pass_through_each_other():
     shaft = (skin[:, 0] > 9) & (skin[:, 0] < 18)
     np.testing.assert_allclose(np.hypot(skin[:, 1] - axis, skin[:, 2])[shaft], RADIUS, atol=0.1)
     assert body.overlap(x) > 1.0
+
+
+@pytest.mark.parametrize("ratio", [0.5, 2.0])
+def test_viscous_flesh_comes_to_rest_over_the_frames_of_a_pose_that_is_held(ratio):
+    """From where strains drew it: what is left of their shift falls by r / (1 + r) a frame.
+
+    The springs at the bone are not viscous; in the first frame they take more.
+    """
+    plain, frame = FleshLayer(limb(Region.fixed)), Frame("held", {}, {"core": RigidTransform.identity()})
+    still, tissue = below(), plain.tissue
+    rest = plain.solve(frame, still)["flesh_mesh"].vertices
+    strains = np.tile([1.02, 0.0, 0.0, 1.0, 0.0, 1.0], (len(tissue.mesh.tets), 1))
+    rigid = {name: frame.bones[part.bone] for name, part in tissue.rigid.items()}
+    x = settled_from(LoadCase.of(tissue, still, rigid, strains), rest).x
+    layer, left = plain.viscous(ratio), []
+    for _ in range(4):
+        left.append(np.linalg.norm(x - rest))
+        mesh = Shape(tissue.mesh.vertices, x, tissue.mesh.tets)
+        shapes = layer.solve_after((frame, {**still, "flesh": {"flesh_mesh": mesh}}), frame, still)
+        x = shapes["flesh_mesh"].vertices
+    np.testing.assert_allclose(np.divide(left[2:], left[1:-1]), ratio / (1 + ratio), rtol=0.04)
+    np.testing.assert_array_equal(layer.solve(frame, still)["flesh_mesh"].vertices, rest)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from handpipe.core import Layer
+from handpipe.core import Layer, Viscous
 from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import (
     Simulated,
@@ -30,7 +30,6 @@ from handpipe.skeleton.motion import RATE
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.driven_frames import driven_frames
 from handpipe.stages.files import Files
-from handpipe.tissues.fat import TissueLayer
 from handpipe.tissues.muscles import MuscleLayer
 
 WAIT = 10.0  # times as long as the last writing of finished frames took, at least, until the next one
@@ -103,8 +102,7 @@ def _layers_of(inputs: Inputs, rig: Rig, dataset: Dataset, scene: Scene) -> list
     if scene.muscle_barrier:
         layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
     if scene.viscosity:
-        soft = (TissueLayer, MuscleLayer)
-        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, soft) else x for x in layers]
+        layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, Viscous) else x for x in layers]
     return layers
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, vertices_of
+from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, Viscous, vertices_of
+from handpipe.fem.potentials import Viscosity
 from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.resting import LoadCase, settled_from
@@ -19,7 +20,7 @@ SKIN_STIFFER = TissueSettings().skin_young / TissueSettings().young  # times as 
 BRIEFLY = Limits(renewals=3, settled=0.05, gross=np.inf)
 
 
-class FleshLayer:
+class FleshLayer(Viscous):
     """How soft tissue moves with the bones, in seconds: one tissue in its skin, which passes through itself.
 
     It is an aid of other layers, not an organ: nothing shows it.
@@ -45,18 +46,28 @@ class FleshLayer:
     def solve_after(self, before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The tissue's tets at equilibrium, from those of another frame as the bones carry them.
 
+        Viscous tissue resists its way from that frame.
+
         Raises
         ------
         ConvergenceError
             As `solve`.
         """
-        return self._near(self.tissue.after(self.name, before, frame.bones), frame, below)
+        viscosity = None
+        if self.retardation:
+            x = before[1][self.name]["flesh_mesh"].vertices
+            viscosity = Viscosity(self.tissue.elastic, x, self.retardation)
+        start = self.tissue.after(self.name, before, frame.bones)
+        return self._near(start, frame, below, viscosity)
 
-    def _near(self, start: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+    def _near(
+        self, start: Array, frame: Frame, below: Mapping[str, Shapes], viscosity: Viscosity | None = None
+    ) -> Shapes:
         """The tissue's tets at equilibrium near a start (n, 3)."""
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
-        settled = settled_from(LoadCase.of(tissue, below, rigid), start, BRIEFLY)
+        case = replace(LoadCase.of(tissue, below, rigid), viscosity=viscosity)
+        settled = settled_from(case, start, BRIEFLY)
         rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
         validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))
         figures = settled.figures | settled.validity | validity.figures

@@ -20,6 +20,7 @@ from handpipe.core import (
     Shape,
     Shapes,
     SimulatedFrame,
+    Viscous,
     artifacts,
     vertices_of,
 )
@@ -100,7 +101,7 @@ class FatStrains:
         return FatStrains(spaces, d["log_strains"], d["nails"], d.get("shifts"))
 
 
-class TissueLayer:
+class TissueLayer(Viscous):
     """A tissue and, where fitted, its strains over poses.
 
     Parameters
@@ -117,7 +118,6 @@ class TissueLayer:
     """
 
     pace = PACE
-    retardation = 0.0  # of the tissue in frames that follow one another, over the time between two frames
     viscosity: Viscosity | None = None  # over the step from the frame before, while a frame follows it
 
     def __init__(
@@ -125,15 +125,6 @@ class TissueLayer:
     ) -> None:
         self.name, self.tissue, self.strains, self.strict = name, tissue, strains, strict
         self.needs = LAYERS[name].needs
-
-    def viscous(self, retardation: float) -> TissueLayer:
-        """The same layer whose tissue resists motion from frame to frame, in `solve_after` alone.
-
-        retardation: retardation time of the tissue over the time between two frames.
-        """
-        other = copy.copy(self)
-        other.retardation = retardation
-        return other
 
     def without_strains(self) -> TissueLayer:
         """The same tissue without plastic strains (model m1 of Zheng 2022 Table 4)."""

@@ -26,6 +26,7 @@ from handpipe.core import (
     Shape,
     Shapes,
     SimulatedFrame,
+    Viscous,
     flesh_in,
 )
 from handpipe.fem.contact import Attachment
@@ -56,7 +57,7 @@ ROUGHLY: dict[str, Any] = {
 STILL, LOOSE, LONGEST = 1e-3, 1e-3, 3.0  # mm, 1 and mm: tolerances of moves and forces, and the longest step
 
 
-class MuscleLayer:
+class MuscleLayer(Viscous):
     """Muscles of loaded artifacts as a layer of the simulation.
 
     Parameters
@@ -73,7 +74,6 @@ class MuscleLayer:
 
     name = "muscles"
     needs = LAYERS[name].needs
-    retardation = 0.0  # of muscles in frames that follow one another, over the time between two frames
     viscosity: Viscosity | None = None  # over the step from the frame before, while a frame follows it
 
     def __init__(
@@ -102,15 +102,6 @@ class MuscleLayer:
         """The same layer, its muscles kept apart by a barrier."""
         other = copy.copy(self)
         other.options = replace(self.options, barrier=True)
-        return other
-
-    def viscous(self, retardation: float) -> MuscleLayer:
-        """The same layer whose muscles resist motion from frame to frame, in `solve_after` alone.
-
-        retardation: retardation time of the muscles over the time between two frames.
-        """
-        other = copy.copy(self)
-        other.retardation = retardation
         return other
 
     def by_inverse_distance(self) -> MuscleLayer:
