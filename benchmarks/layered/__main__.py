@@ -27,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", default=[], help="of `cases`: names; others keep their rows")
     parser.add_argument("--count", type=int, default=20, help="of `random`: poses")
     parser.add_argument("--seed", type=int, default=0, help="of `random`: of their choice")
+    parser.add_argument("--resume", action="store_true", help="of `random`: keep the poses that are there")
     options, _ = parser.parse_known_args(arguments)
 
     def measure(part: str, results: Path) -> Metrics:
@@ -41,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if part == "cases":
                 figures |= table.run_cases(subject, folder / "cases.csv", options.only)
             else:
-                figures |= table.run_random(subject, folder / "random.csv", options.count, options.seed)
+                file = folder / "random.csv"
+                figures |= table.run_random(subject, file, options.count, options.seed, options.resume)
         return {f"{part}_{k}" if k in ("seconds", "peak_memory") else k: v for k, v in figures.items()}
 
     run_parts(parser, PARTS, measure, arguments)
