@@ -18,23 +18,22 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 if TYPE_CHECKING:
     from benchmarks.fem.cases import Outcome
-    from benchmarks.fem.hard_cases import Row
 
 
 CASES_ACROSS = 3
 LIGHT = np.array([0.3, -0.7, 0.65])
 
 
-def draw(rows: Sequence[Row], outcomes: Sequence[Outcome | None], path: Path) -> None:
+def draw(names: Sequence[str], good: Sequence[bool], outcomes: Sequence[Outcome | None], path: Path) -> None:
     """Start and end of every case side by side, to a PNG; titles of failing cases are red."""
-    down = -(-len(rows) // CASES_ACROSS)
+    down = -(-len(names) // CASES_ACROSS)
     figure = plt.figure(figsize=(2 * CASES_ACROSS * 2.6, down * 2.7), dpi=80)
-    for number, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
+    for number, (name, well, outcome) in enumerate(zip(names, good, outcomes, strict=True)):
         for column, state in enumerate(("start", "end")):
             axes = figure.add_subplot(down, 2 * CASES_ACROSS, 2 * number + column + 1, projection="3d")
             axes.set_axis_off()
-            title = f"{row.case}: {state}" if column == 0 else ("good" if not row.failures else "fails")
-            axes.set_title(title, fontsize=8, color="darkred" if row.failures else "black")
+            title = f"{name}: {state}" if column == 0 else ("good" if well else "fails")
+            axes.set_title(title, fontsize=8, color="black" if well else "darkred")
             if outcome is not None:
                 shape(axes, outcome.start if column == 0 else outcome.x, outcome)
     figure.subplots_adjust(0, 0, 1, 1 - 0.3 / (down * 2.7), 0, 0.12)

@@ -254,7 +254,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for path in (given.json, given.picture):
         path.parent.mkdir(parents=True, exist_ok=True)
     given.json.write_text(json.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
-    draw(rows, outcomes, given.picture)
+    draw([row.case for row in rows], [not row.failures for row in rows], outcomes, given.picture)
     if not given.cases and given.refine == 1:
         write_document(rows)
 
