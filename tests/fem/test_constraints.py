@@ -6,7 +6,9 @@ import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
 from handpipe.core.rigid import RigidTransform
-from handpipe.fem.contact.constraints import Attachment, Contact, Sliding, SurfaceContact, penalty
+from handpipe.fem.contact.constraints import Attachment, Contact, Sliding
+from handpipe.fem.contact.one_sided import penalty
+from handpipe.fem.contact.surface_contact import SurfaceContact
 from handpipe.fem.contact.surface_sliding import SurfaceSliding
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.potentials.elastic import Elastic

@@ -13,7 +13,8 @@ import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
 from handpipe.fem.contact.barrier import Barrier
-from handpipe.fem.contact.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.contact.constraints import Attachment, Contact, Sliding
+from handpipe.fem.contact.surface_contact import SurfaceContact
 from handpipe.fem.contact.surface_sliding import SurfaceSliding
 from handpipe.fem.elements import plasticity
 from handpipe.fem.elements.materials import MODELS, Material

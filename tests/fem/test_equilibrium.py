@@ -9,7 +9,8 @@ from tests.fem.bodies import box, box_surface, sphere
 
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.fem.contact.barrier import Barrier, CollidingPairs
-from handpipe.fem.contact.constraints import Attachment, Contact, SurfaceContact
+from handpipe.fem.contact.constraints import Attachment, Contact
+from handpipe.fem.contact.surface_contact import SurfaceContact
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.minimisation.checkpoint import Checkpoint
 from handpipe.fem.potentials.cloth import Membrane

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from handpipe.fem.contact.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.contact.constraints import Attachment, Contact, Sliding
+from handpipe.fem.contact.surface_contact import SurfaceContact
 from handpipe.fem.contact.surface_sliding import SurfaceSliding
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.minimisation import newton

@@ -9,7 +9,7 @@ from scipy import sparse
 from handpipe.core.errors import ConvergenceError
 from handpipe.core.layers import Frame
 from handpipe.core.rigid import RigidTransform
-from handpipe.fem.contact.constraints import penalty
+from handpipe.fem.contact.one_sided import penalty
 from handpipe.fem.elements.validity import Validity
 from handpipe.mesh.contact.crossing_triangles import crossings
 from handpipe.mesh.contact.self_contacts import self_contact

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.core.layers import Region
 from handpipe.core.rigid import RigidTransform
-from handpipe.fem.contact.constraints import penalty
+from handpipe.fem.contact.one_sided import penalty
 from handpipe.fem.solver.settling import Limits
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface

@@ -46,6 +46,11 @@ class PointPotential:
         """Second derivative (k, 3, 3) of each point's energy."""
         raise NotImplementedError
 
+    def twin(self) -> Self:
+        """A copy that shares the pattern of the Hessian."""
+        _ = self.pattern
+        return copy.copy(self)
+
     @property
     def count(self) -> int:
         """Number of points."""
@@ -170,3 +175,8 @@ def _scatter(
                     for j in range(3):
                         data[slots[at] + i * stride + j] += scale * blocks[c, i, j]
                 at += 1
+
+
+def dyads(vectors: Array) -> Array:
+    """Outer products (k, 3, 3) of vectors (k, 3) with themselves."""
+    return vectors[:, :, None] * vectors[:, None, :]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from handpipe.core import Array
-from handpipe.fem.contact.constraints import SurfaceContact, dyads
+from handpipe.fem.contact.points import dyads
+from handpipe.fem.contact.surface_contact import SurfaceContact
 
 
 class SurfaceSliding(SurfaceContact):
