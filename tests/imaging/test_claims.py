@@ -17,10 +17,10 @@ from handpipe.imaging.segmentation.claims import (
     segment,
     write_looks,
 )
+from handpipe.imaging.segmentation.merging import merge
 from handpipe.imaging.segmentation.segmentation import (
     BoneProbability,
     SegmentationSettings,
-    merge,
     segment_bone,
 )
 from handpipe.imaging.volumes.volume import Volume

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from handpipe.imaging.segmentation import claims
+from handpipe.imaging.segmentation.merging import merge
 from handpipe.imaging.segmentation.segmentation import (
     BACKGROUND,
     BoneProbability,
     SegmentationSettings,
-    merge,
 )
 from handpipe.imaging.volumes.volume import Labels, Volume, read_labels, read_volume
 

@@ -5,13 +5,13 @@ from phalanx import Phalanx, capsule, grid_points, voxelised
 from handpipe.core.errors import InputError
 from handpipe.imaging.bone_surfaces.cortical import whole_bone
 from handpipe.imaging.bone_surfaces.marrow import contour, marrow_surface
+from handpipe.imaging.segmentation.merging import merge
 from handpipe.imaging.segmentation.segmentation import (
     BACKGROUND,
     BoneProbability,
     SegmentationSettings,
     add_scribbles,
     check_seeds,
-    merge,
     segment_bone,
 )
 from handpipe.imaging.volumes.rasterisation import rasterise

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from handpipe.imaging.segmentation import claims
     from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
     from handpipe.imaging.segmentation.labelled_marrow import labelled_bone, require_shown, with_labelled
+    from handpipe.imaging.segmentation.merging import merge
     from handpipe.imaging.segmentation.proposed_seeds import (
         marrow_core,
         propose,
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
         SegmentationSettings,
         add_scribbles,
         check_seeds,
-        merge,
         segment_bone,
     )
     from handpipe.imaging.segmentation.strokes import painted

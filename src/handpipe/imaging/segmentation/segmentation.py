@@ -1,4 +1,4 @@
-"""Marrow of each bone by a random walker in its local region; merging of bones (Wang 2019, Sec. 3.1)."""
+"""Marrow of each bone by a random walker in its local region (Wang 2019 §3.1)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,6 @@ LONGEST = 110.0  # mm of marrow: half as much again as a long third metacarpal
 TYPICAL = 0.75  # quantile of the intensities at a bone's seeds: in a narrow canal many voxels are half cortex
 RISE = (1.15, 1.7)  # times the strokes' level, at which the marrow around them tells the level
 UNDECIDED = 2e-4  # of the claimed voxels
-AROUND_CONFLICT = 4  # voxels of sure labels around a conflict
 ROUND = 0.6  # voxels: an opened part's corners are grown back as far
 SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
 
@@ -451,89 +450,3 @@ def touched(mask: BoolArray, lower: IntArray, upper: IntArray, shape: tuple[int,
     first = [bool(np.take(mask, 0, c).any()) and lower[c] > 0 for c in range(3)]
     last = [bool(np.take(mask, -1, c).any()) and upper[c] < shape[c] for c in range(3)]
     return np.array([first, last])
-
-
-def merge(
-    volume: Volume,
-    bones: Mapping[int, BoneProbability],
-    seeds: Labels,
-    settings: SegmentationSettings,
-) -> tuple[Labels, dict[int, BoneProbability]]:
-    """Labels of all bones, and their probabilities with conflicts resolved.
-
-    Voxels claimed by two bones become unlabelled. Each conflict is then solved again in a local region, with
-    the sure voxels around it as seeds.
-
-    Parameters
-    ----------
-    volume : Volume
-        Image of the pose.
-    bones : mapping of int to BoneProbability
-        Probability of each bone's marrow by label; left unchanged.
-    seeds : array (nx, ny, nz) of uint8
-        Strokes: 0 for none, labels of bones, 255 for the background.
-    settings : SegmentationSettings
-        Settings of the random walker.
-
-    Returns
-    -------
-    labels : array (nx, ny, nz) of uint8
-        Label of each voxel, 0 for no bone.
-    resolved : dict of int to BoneProbability
-        Probabilities by label; at most one bone has more than 0.5 in a voxel of a conflict.
-
-    Raises
-    ------
-    ConvergenceError
-        If the random walker does not converge.
-
-    References
-    ----------
-    Wang 2019 §3.1.
-    """
-    claims = np.zeros(volume.shape, np.uint8)
-    labels = np.zeros(volume.shape, np.uint8)
-    for label, bone in bones.items():
-        claimed = bone.probability > 0.5
-        claims[bone.slices] += claimed
-        labels[bone.slices][claimed] = label
-    labels[claims > 1] = 0
-    resolved = {label: replace(bone, probability=bone.probability.copy()) for label, bone in bones.items()}
-    disputed = claims > 1
-    if not disputed.any():
-        return labels, resolved
-    first, last = bounds(disputed)
-    conflicts, count = ndimage.label(disputed[box(first, last)])
-    for number, slices in enumerate(ndimage.find_objects(conflicts), 1):
-        logger.info("resolving conflict %d of %d between bones", number, count)
-        index = np.argwhere(conflicts[slices] == number) + [s.start for s in slices] + first
-        _resolve(volume, labels, index, seeds, resolved, settings)
-    return labels, resolved
-
-
-def _resolve(
-    volume: Volume,
-    labels: Labels,
-    index: IntArray,
-    seeds: Labels,
-    bones: Mapping[int, BoneProbability],
-    settings: SegmentationSettings,
-) -> None:
-    """Share a conflict's voxels (m, 3) among the bones, by a walker for each; sets labels, probabilities."""
-    lower = np.maximum(index.min(0) - AROUND_CONFLICT, 0)
-    local = volume.crop(lower, index.max(0) + 1 + AROUND_CONFLICT)
-    region = box(lower, lower + local.shape)
-    free = np.zeros(local.shape, bool)
-    free[tuple((index - lower).T)] = True
-    rivals = [k for k in bones if (labels[region] == k).any() or (bones[k].at(index) > 0.5).any()]
-    values = local.values / np.median(local.values[free])
-    chances = []
-    for label in rivals:
-        sure = np.where((labels[region] == label) | (seeds[region] == label), INSIDE, OUTSIDE)
-        marks = np.where(free, 0, sure)
-        chances.append(random_walker(values, marks, settings.beta, spacing=local.spacing)[free])
-    winner = np.array([0, *rivals], np.uint8)[np.argmax([np.full(len(index), 0.5), *chances], axis=0)]
-    labels[tuple(index.T)] = winner
-    for label, chance in zip(rivals, chances, strict=True):
-        # One owner, to the last digit of what is written.
-        bones[label].set(index, np.where(winner == label, chance, np.minimum(chance, 0.5)))
