@@ -13,7 +13,7 @@ from handpipe.core.configuration import Scene
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
-from handpipe.hand.frames import read_frames
+from handpipe.hand.frames import finished_frames, frames_to_follow, read_frames, write_frames
 from handpipe.hand.simulation import Failure, simulate, simulate_frame
 from handpipe.stages.hand import simulate as stage
 
@@ -213,6 +213,42 @@ def test_frames_follow_a_given_one_and_the_first_begins_alone_where_its_aids_fai
     assert bones.starts == []
 
 
+class _Creeping(_Shifted):
+    """A layer that is one higher than in the frame before, or at zero; with the height of the layer below."""
+
+    def solve(self, frame, below):
+        return self._at(sum(shapes["body"].vertices[0, 2] for shapes in below.values()))
+
+    def solve_after(self, before, frame, below):
+        return self._at(before[1][self.name]["body"].vertices[0, 2] + 1.0)
+
+    def _at(self, height):
+        point = np.array([[0.0, 0.0, height]])
+        return {"body": Shape(0 * point, point, np.zeros((0, 3), int))}
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_frames_in_two_jobs_or_after_a_kill_are_those_of_one_job(killed, tmp_path):
+    """The flesh depends on its way and is in no frame's shapes: a file has that of its last frame."""
+    layers = [_Creeping("flesh", ()), _Shifted("tendons", ("flesh",))]
+    layers[1].solve = lambda frame, below: below["flesh"]
+    wanted = [_frame(x) for x in (1.0, 2.0, 3.0, 4.0)]
+    whole = simulate(wanted, layers, follow=True)
+    first = simulate(wanted[:2], layers, follow=True)
+    write_frames(tmp_path / "frames-0.h5", first.frames, aids=first.aids, key="same")
+    assert all(list(shapes) == ["tendons"] for _, shapes in read_frames(tmp_path / "frames-0.h5"))
+    if killed:
+        done = finished_frames(tmp_path / "frames-0.h5", "same", wanted)
+        found = simulate(wanted, layers, done, follow=True).frames
+    else:
+        before = frames_to_follow(tmp_path / "frames-0.h5")[-1]
+        found = first.frames + simulate(wanted[2:], layers, follow=True, before=before).frames
+    heights = [
+        [shapes["tendons"]["body"].vertices[0, 2] for _, shapes in frames] for frames in (whole.frames, found)
+    ]
+    assert heights[0] == heights[1] == [0.0, 1.0, 2.0, 3.0]
+
+
 def test_progress_is_logged(caplog):
     with caplog.at_level(logging.INFO, logger="handpipe.hand.simulation.frame_by_frame"):
         simulate([_frame(0.0), _frame(1.0)], [_Shifted("bones", ())])
@@ -281,7 +317,7 @@ def test_writing_finished_frames_takes_a_tenth_of_the_time_at_most(tmp_path, mon
     clock = {"now": 100.0, "writing": 0.0, "simulating": 0.0}
     written = []
 
-    def write(path, frames, key):
+    def write(path, frames, aids, key):
         clock["now"] += 0.4 * len(frames)
         clock["writing"] += 0.4 * len(frames)
         written.append(len(frames))
@@ -292,6 +328,6 @@ def test_writing_finished_frames_takes_a_tenth_of_the_time_at_most(tmp_path, mon
     for count in range(1, 25):
         clock["now"] += 4.0
         clock["simulating"] += 4.0
-        kept.keep(SimpleNamespace(frames=[None] * count, failures=[]))
+        kept.keep(SimpleNamespace(frames=[None] * count, failures=[], aids={}))
     assert written[0] == 1 and len(written) >= 4 and 24 not in written
     assert clock["writing"] - 0.4 * written[-1] <= 0.1 * clock["simulating"]

@@ -54,13 +54,15 @@ def write_frames(
     inputs: Sequence[str | Path] = (),
     *,
     failures: Sequence[Failure] = (),
+    aids: LayerShapes | None = None,
     key: str = "",
 ) -> None:
     """Write simulated frames, and which ones failed.
 
     `bodies/{layer}/{body}/{rest,cells}` holds what all frames share; `frames/{number}/…` the joint angles,
     the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…,figures/…}`, numbered in the order of
-    `names`, since names may hold any character; `failures/{frame,layer,reason}` a row for each failed frame.
+    `names`, since names may hold any character; `failures/{frame,layer,reason}` a row for each failed frame;
+    `aids/{layer}/{body}/{rest,cells,vertices,…}` what a frame that follows the last one needs of it besides.
 
     Parameters
     ----------
@@ -72,6 +74,8 @@ def write_frames(
         Files of which the frames were made; the artifact holds their hashes.
     failures : sequence of Failure
         Failed frames.
+    aids : mapping of str to Shapes, optional
+        Of the last frame, the layers that are no organs, by name.
     key : str
         Digest of inputs and code, see `key_of`; `finished_frames` compares it.
 
@@ -95,6 +99,13 @@ def write_frames(
         "failures": {
             part: np.array([getattr(failure, part) for failure in failures], dtype=str)
             for part in ("frame", "layer", "reason")
+        },
+        "aids": {
+            layer: {
+                body: {"rest": shape.rest, "cells": shape.cells, **_shape_data(shape)}
+                for body, shape in shapes.items()
+            }
+            for layer, shapes in (aids or {}).items()
         },
     }
     artifacts.write(path, data, kind=KIND, units=_units(data), inputs=inputs, attributes={"key": key})
@@ -144,10 +155,38 @@ def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes
     data = artifacts.read(path, KIND)
     failed = data["failures"]
     rows = zip(failed["frame"], failed["layer"], failed["reason"], strict=True)
-    frames = [
+    return _frames(data), [Failure(*map(str, row)) for row in rows]
+
+
+def frames_to_follow(path: str | Path) -> list[SimulatedFrame]:
+    """Read the frames that `write_frames` wrote, the last one with its aids.
+
+    Parameters
+    ----------
+    path : path
+        File of `write_frames`.
+
+    Returns
+    -------
+    list of SimulatedFrame
+        Frames in the order of `write_frames`.
+
+    Raises
+    ------
+    InputError
+        For another file.
+    """
+    data = artifacts.read(path, KIND)
+    frames = _frames(data)
+    if frames:
+        frames[-1][1].update(_layers(data["aids"], data["aids"]))
+    return [*frames]
+
+
+def _frames(data: Mapping[str, Any]) -> list[tuple[Frame, dict[str, Shapes]]]:
+    return [
         _frame(str(name), data["frames"][_number(i)], data["bodies"]) for i, name in enumerate(data["names"])
     ]
-    return frames, [Failure(*map(str, row)) for row in rows]
 
 
 class MadeFrames(Sequence[SimulatedFrame]):
@@ -303,12 +342,12 @@ def finished_frames(path: str | Path, key: str, wanted: Iterable[Frame]) -> dict
     Returns
     -------
     mapping of str to SimulatedFrame
-        Finished frames by name.
+        Finished frames by name, the last one of the file with its aids.
     """
     try:
         if artifacts.read_attributes(path).get("key") != key:
             return {}
-        found = {frame.name: (frame, layers) for frame, layers in read_frames(path)}
+        found = {frame.name: (frame, layers) for frame, layers in frames_to_follow(path)}
     except (OSError, InputError):
         return {}
     return {f.name: found[f.name] for f in wanted if f.name in found and _same(f, found[f.name][0])}
@@ -344,16 +383,17 @@ def _frame_data(frame: Frame, layers: LayerShapes) -> dict[str, Any]:
             name: {"rotation": t.rotation, "translation": t.translation} for name, t in frame.bones.items()
         },
         "layers": {
-            layer: {
-                body: {
-                    "vertices": np.asarray(shape.vertices, np.float64),
-                    "fields": shape.fields,
-                    "figures": shape.figures,
-                }
-                for body, shape in shapes.items()
-            }
+            layer: {body: _shape_data(shape) for body, shape in shapes.items()}
             for layer, shapes in layers.items()
         },
+    }
+
+
+def _shape_data(shape: Shape) -> dict[str, Any]:
+    return {
+        "vertices": np.asarray(shape.vertices, np.float64),
+        "fields": shape.fields,
+        "figures": shape.figures,
     }
 
 
@@ -361,6 +401,11 @@ def _units(data: Mapping[str, Any]) -> dict[str, str]:
     units = {
         f"bodies/{layer}/{body}/rest": "mm" for layer, shapes in data["bodies"].items() for body in shapes
     }
+    for layer, shapes in data["aids"].items():
+        for body, shape in shapes.items():
+            base = f"aids/{layer}/{body}"
+            units |= {f"{base}/rest": "mm", f"{base}/vertices": "mm"}
+            units |= figure_units(shape["figures"], f"{base}/figures")
     for name, frame in data["frames"].items():
         units[f"frames/{name}/angles"] = "rad"
         units |= {f"frames/{name}/bones/{bone}/translation": "mm" for bone in frame["bones"]}
@@ -375,17 +420,17 @@ def _units(data: Mapping[str, Any]) -> dict[str, str]:
 def _frame(name: str, data: Mapping[str, Any], bodies: Mapping[str, Any]) -> tuple[Frame, dict[str, Shapes]]:
     angles = {angle: float(value) for angle, value in data["angles"].items()}
     bones = {b: RigidTransform(t["rotation"], t["translation"]) for b, t in data["bones"].items()}
-    layers = {
-        layer: {
-            body: Shape(
-                bodies[layer][body]["rest"],
-                moving["vertices"],
-                bodies[layer][body]["cells"],
-                dict(moving["fields"]),
-                {name: float(value) for name, value in moving.get("figures", {}).items()},
-            )
-            for body, moving in shapes.items()
-        }
-        for layer, shapes in data["layers"].items()
+    return Frame(name, angles, bones), _layers(bodies, data["layers"])
+
+
+def _layers(bodies: Mapping[str, Any], moving: Mapping[str, Any]) -> dict[str, Shapes]:
+    """Shapes by layer and body from what all frames share and what is one frame's own."""
+    return {
+        layer: {body: _shape(bodies[layer][body], own) for body, own in shapes.items()}
+        for layer, shapes in moving.items()
     }
-    return Frame(name, angles, bones), layers
+
+
+def _shape(shared: Mapping[str, Any], own: Mapping[str, Any]) -> Shape:
+    figures = {name: float(value) for name, value in own.get("figures", {}).items()}
+    return Shape(shared["rest"], own["vertices"], shared["cells"], dict(own["fields"]), figures)

@@ -68,10 +68,23 @@ class Simulated:
         Finished frames with their shapes by layer and body.
     failures : list of Failure
         Failed frames.
+    aids : dict of str to Shapes
+        Of the last finished frame, the layers that are no organs: a frame that follows it needs them.
     """
 
     frames: list[SimulatedFrame] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
+    aids: dict[str, Shapes] = field(default_factory=dict)
+
+    def add(self, result: Attempt) -> None:
+        """Add a frame, whose aids take the place of those of the frame before, or a failure."""
+        if isinstance(result, Failure):
+            self.failures.append(result)
+            return
+        frame, shapes = result
+        self.frames.append((frame, _organs(shapes)))
+        self.aids.clear()
+        self.aids.update({name: shapes[name] for name in shapes if name not in organs()})
 
 
 def simulate_frame(
@@ -137,7 +150,7 @@ def simulate(
         that fails. Then a frame depends on those before it: `done` counts up to the first frame that is not
         in it. The layers under the fat follow the last frame in which they were simulated.
     before : SimulatedFrame, optional
-        The frame from which the first one starts, if they follow one another.
+        The frame from which the first one starts, if they follow one another, with its aids.
     ahead : callable, optional
         From frames, and the one before them, to attempts of the layers under `layers`, as `simulated_ahead`
         gives them. Without it `layers` are all layers.
@@ -159,11 +172,7 @@ def simulate(
     results = attempts(wanted, outer, follow, before, below)
     start = time.perf_counter()
     for count, frame in enumerate(frames, start=1):
-        result = finished[frame.name] if frame.name in finished else next(results)
-        if isinstance(result, Failure):
-            found.failures.append(result)
-        else:
-            found.frames.append((frame, _organs(result[1])))
+        found.add(finished[frame.name] if frame.name in finished else next(results))
         if keep is not None:
             keep(found)
         elapsed = time.perf_counter() - start
@@ -272,7 +281,7 @@ def _after(
 
 
 def _with_aids(before: SimulatedFrame | None, layers: Sequence[Layer]) -> SimulatedFrame | None:
-    """A frame with the layers that files of frames leave out; None where one of them has no equilibrium."""
+    """A frame with the layers that it lacks, as a scanned pose does; None where one has no equilibrium."""
     if before is None:
         return None
     frame, shapes = before[0], dict(before[1])

@@ -18,10 +18,10 @@ from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import (
     Simulated,
     finished_frames,
+    frames_to_follow,
     inner_and_outer,
     key_of,
     load_layers,
-    read_simulated,
     simulated_ahead,
     write_frames,
 )
@@ -83,14 +83,14 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
     key = key_of(made_from, {**chunk.made_of, **asked})
     kept = _FinishedFrames(chunk.partial, key, len(wanted))
     done = finished_frames(chunk.partial, key, wanted)
-    earlier = [] if inputs.before is None else read_simulated(inputs.before)[0]
+    earlier = [] if inputs.before is None else frames_to_follow(inputs.before)
     before = earlier[-1] if earlier else None
     layers, ahead = _layers_of(inputs, rig, dataset, scene), None
     if chunk.threads > 1 and scene.follow:
         layers = inner_and_outer(layers)[1]
         ahead = partial(simulated_ahead, partial(_inner_layers, inputs, dataset, scene))
     found = simulate_frames(wanted, layers, done, kept.keep, scene.follow, before, ahead)
-    write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
+    write_frames(output, found.frames, inputs.all(), failures=found.failures, aids=found.aids, key=key)
     chunk.partial.unlink(missing_ok=True)
     for failure in found.failures:
         print(f"handpipe: simulate: {failure}", file=sys.stderr)
@@ -124,6 +124,6 @@ class _FinishedFrames:
         start = time.perf_counter()
         if start < self.due or len(found.frames) + len(found.failures) == self.count:
             return
-        write_frames(self.path, found.frames, key=self.key)
+        write_frames(self.path, found.frames, aids=found.aids, key=self.key)
         end = time.perf_counter()
         self.due = end + WAIT * (end - start)
