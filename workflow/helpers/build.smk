@@ -2,6 +2,7 @@
 
 import atexit
 import fcntl
+import math
 from pathlib import Path
 
 import handpipe
@@ -9,6 +10,7 @@ from snakemake.caching.rule import CacheFlag
 from snakemake.exceptions import WorkflowError
 
 from handpipe.core import LAYERS, CodeDigests, paths
+from handpipe.core.configuration import EDGES
 from handpipe.hand import layer_loading
 from handpipe.stages.baselines.variants import VARIANTS
 
@@ -27,6 +29,16 @@ def take_lock():
     HELD_LOCKS.append(
         file
     )  # a file that nothing refers to is closed, and its lock is gone
+
+
+def at_size(mesh, preview, paper):
+    """A resource that a rule needs at the edge length of a mesh: a power of it through two measured fidelities."""
+    coarse, fine, edge = (
+        getattr(sizes, mesh)
+        for sizes in (EDGES["preview"], EDGES["paper"], SETTINGS.sizes)
+    )
+    share = math.log(coarse / edge) / math.log(coarse / fine)
+    return math.ceil(preview * (paper / preview) ** max(share, 0))
 
 
 def costs_of(*rules):

@@ -144,8 +144,8 @@ rule simulate_ablated_skin:
         paths.cost_of("simulate_ablated_skin", "variant", "pose")
     threads: 1
     resources:
-        mem_mb=2500,
-        runtime=10,
+        mem_mb=at_size("fat", 2500, 4500),
+        runtime=at_size("fat", 10, 60),
     message:
         "{wildcards.subject}: skin of {wildcards.pose}, {wildcards.variant}"
     script:

@@ -17,8 +17,8 @@ rule simulate_passive_skin:
         paths.cost_of("simulate_passive_skin", "pose")
     threads: 1
     resources:
-        mem_mb=2500,
-        runtime=10,
+        mem_mb=at_size("fat", 2500, 4500),
+        runtime=at_size("fat", 10, 60),
     message:
         "{wildcards.subject}: skin of {wildcards.pose} without plastic strains, and by one tissue"
     script:
@@ -70,8 +70,8 @@ rule simulate_baselines:
         paths.cost_of("simulate_baselines", "pose")
     threads: 1
     resources:
-        mem_mb=2500,
-        runtime=10,
+        mem_mb=at_size("fat", 2500, 4500),
+        runtime=at_size("fat", 10, 60),
     message:
         "{wildcards.subject}: skin of {wildcards.pose} by one tissue with strains, and by skinning"
     script:

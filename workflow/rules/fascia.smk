@@ -13,8 +13,8 @@ rule make_bone_fascia:
         paths.cost_of("make_bone_fascia")
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=10,
+        mem_mb=at_size("bone_fascia", 1500, 4500),
+        runtime=at_size("bone_fascia", 10, 30),
     params:
         dataset=reads("joints.*.parent", "joints.*.child"),
         edge=SETTINGS.sizes.bone_fascia,
@@ -41,8 +41,8 @@ rule make_muscle_fascia:
         paths.cost_of("make_muscle_fascia")
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=10,
+        mem_mb=at_size("muscle_fascia", 1500, 2500),
+        runtime=at_size("muscle_fascia", 10, 20),
     params:
         dataset=reads("muscles.names"),
         edge=SETTINGS.sizes.muscle_fascia,

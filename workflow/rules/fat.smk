@@ -160,8 +160,8 @@ rule fit_fat_strains:
         paths.cost_of("fit_fat_strains", "pose")
     threads: 1
     resources:
-        mem_mb=3000,
-        runtime=30,
+        mem_mb=at_size("fat", 3000, 6500),
+        runtime=at_size("fat", 30, 120),
     params:
         dataset=reads("nails.names"),
     message:
@@ -208,8 +208,8 @@ rule simulate_skin:
         paths.cost_of("simulate_skin", "pose")
     threads: 1
     resources:
-        mem_mb=2500,
-        runtime=10,
+        mem_mb=at_size("fat", 2500, 4500),
+        runtime=at_size("fat", 10, 60),
     message:
         "{wildcards.subject}: skin of {wildcards.pose}"
     script:

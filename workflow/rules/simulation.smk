@@ -42,8 +42,8 @@ rule simulate:
     # Where frames follow one another, two processes: one for the fat, one a frame ahead for what is under it.
     threads: lambda w: 2 if scene(w.scene).follow and "fat" in scene(w.scene).needed else 1
     resources:
-        mem_mb=3000,
-        runtime=30,
+        mem_mb=at_size("fat", 3000, 6000),
+        runtime=at_size("fat", 30, 360),
     params:
         partial=lambda w, output: str(paths.partial_chunk(output[0])),
         dataset=of_layers(lambda w: scene(w.scene).needed, "hand"),
@@ -227,8 +227,8 @@ rule find_equilibria:
         paths.cost_of("find_equilibria", "scene", "chunk")
     threads: 1
     resources:
-        mem_mb=3000,
-        runtime=60,
+        mem_mb=at_size("fat", 3000, 6000),
+        runtime=at_size("fat", 60, 720),
     params:
         dataset=of_layers(lambda w: scene(w.scene).needed),
         scene=reads_scene("layers"),

@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from handpipe.core.configuration.pose import Role
     from handpipe.core.configuration.scene import Recording, Scene, load_scene
     from handpipe.core.configuration.selection import restored
-    from handpipe.core.configuration.settings import require_fidelity, settings_of
+    from handpipe.core.configuration.settings import EDGES, require_fidelity, settings_of
     from handpipe.core.configuration.tree_order import joint_order
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
     "Dataset",
+    "EDGES",
     "ImageEffect",
     "Images",
     "Interpolation",
