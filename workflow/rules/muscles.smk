@@ -67,7 +67,7 @@ rule separate_neutral:
         paths.cost_of("separate_neutral")
     threads: 1
     resources:
-        mem_mb=at_size("muscle", 2000, 3000),
+        mem_mb=at_size("muscle", 2500, 3000),
         runtime=30,
     params:
         dataset=reads("muscles.names"),
@@ -128,7 +128,7 @@ rule separate_muscles:
         paths.cost_of("separate_muscles", "pose")
     threads: 1
     resources:
-        mem_mb=at_size("muscle", 1500, 3000),
+        mem_mb=at_size("muscle", 2500, 3000),
         runtime=60,
     message:
         "{wildcards.subject}: separate the muscles of {wildcards.pose}"
