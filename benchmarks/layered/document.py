@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,21 +31,40 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from benchmarks.layered.table import read
 
     text = options.document.read_text(encoding="utf-8")
-    for part in ("cases", "random"):
+    for part, make in (("cases", table), ("random", doubtful)):
         rows = read(options.results / "benchmarks" / "layered" / f"{part}.csv")
         if rows:
-            text = between(text, part, COMMAND, table(list(rows.values())))
+            text = between(text, part, COMMAND, make(list(rows.values())))
     write_text(options.document, text)
 
 
 def table(rows: Sequence[dict[str, str]]) -> str:
     """The rows as a Markdown table, with how many there are of each verdict."""
+    return "\n".join([f"{_counts(rows)}.", "", *_lines(rows)])
+
+
+def doubtful(rows: Sequence[dict[str, str]]) -> str:
+    """What holds of all rows, and a table of those that are wrong or say something."""
+    seconds = [float(row["seconds"]) for row in rows]
+    least = min(float(row["least_det"]) for row in rows if row["least_det"])
+    inverted = sum(float(row["inverted"]) for row in rows)
+    said = (
+        f"{_counts(rows)}; {inverted:.0f} inverted tets, least det F {least:g}; "
+        f"{statistics.median(seconds):.1f} s in the median, {max(seconds):.0f} s at most. "
+        "Rows that are wrong or unsettled:"
+    )
+    return "\n".join([said, "", *_lines([row for row in rows if row["verdict"] == WRONG or row["said"]])])
+
+
+def _counts(rows: Sequence[dict[str, str]]) -> str:
     verdicts = [row["verdict"] for row in rows]
     counts = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(sorted(verdicts, reverse=True)))
-    lines = [f"{len(rows)} rows: {counts}.", "", "| " + " | ".join(HEADS) + " |"]
-    lines.append("|" + " --- |" * len(HEADS))
-    lines += ["| " + " | ".join(c.replace("|", "/") for c in cells(row)) + " |" for row in rows]
-    return "\n".join(lines)
+    return f"{len(rows)} rows: {counts}"
+
+
+def _lines(rows: Sequence[dict[str, str]]) -> list[str]:
+    lines = ["| " + " | ".join(HEADS) + " |", "|" + " --- |" * len(HEADS)]
+    return lines + ["| " + " | ".join(c.replace("|", "/") for c in cells(row)) + " |" for row in rows]
 
 
 def cells(row: dict[str, str]) -> list[str]:
