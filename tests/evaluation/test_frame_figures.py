@@ -36,7 +36,7 @@ def rows() -> list[dict]:
         },
         "fat": {
             "fat": body(inverted_tets=2.0, least_det=-0.14, inner_overlap=1.6),
-            "skin": body(skin_overlap=0.05, skin_crossings=7.0, skin_gap=0.0),
+            "skin": body(skin_overlap=0.05, skin_crossings=7.0, skin_gap=0.0, bones_outside=0.6),
         },
         "tendons": {"t_centreline": body(compression=3.0)},
     }
@@ -67,6 +67,7 @@ def test_metrics_are_the_worst_over_frames() -> None:
         "fat_skin_overlap": (0.05, "mm"),
         "fat_skin_crossings": (7.0, "1"),
         "fat_skin_gap": (0.0, "mm"),
+        "fat_bones_outside": (0.6, "mm"),
         "tendons_compression": (3.0, "1"),
     }
 
@@ -82,6 +83,7 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: tissue penetrates the organs inside: tangled (fat: 1.60 mm).",
         "Scene close: the skin penetrates itself: tangled (fat: 0.05 mm).",
         "Scene close: the skin crosses itself: tangled (fat: 7 edges through triangles).",
+        "Scene close: bones come through the skin: tangled (fat: 0.60 mm).",
         "Scene close: tendons are compressed and folded: tangled (3.0 of the pull).",
         "Scene close: not simulated and left out: lost (tendons: Tendon x did not converge).",
     ]

@@ -15,6 +15,7 @@ UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det", "skin_gap")  # figures whose smallest value is the worst
 OVERLAP = 0.01  # mm; the report omits a smaller overlap of the skin
 PENETRATION = 0.25  # mm, of muscles in bones and in one another: half of what is wrong of a muscle's surface
+BONES_OUTSIDE = 0.2  # mm by which contact gives way before it is stiff: beyond it a bone shows
 INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
 REACHED = 1.0  # mm; a target that is farther is not met
 COMPRESSION = 0.01  # of a tendon's pull; the report omits a smaller compression
@@ -220,6 +221,8 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "organs lie in bones or in one another", _depth(row, name, "_body_penetration")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
+        if name.endswith("_bones_outside") and _positive(row, name, BONES_OUTSIDE):
+            yield "bones come through the skin", _depth(row, name, "_bones_outside")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):
             yield "tissue penetrates the organs inside", _depth(row, name, "_inner_overlap")
         if name.endswith("_level_distance") and _positive(row, name, 1.0):

@@ -23,6 +23,7 @@ UNITS = {
     "skin_overlap": "mm",
     "skin_gap": "mm",
     "inner_overlap": "mm",
+    "bones_outside": "mm",
     "level_bound": "mm",
     "spring_residual": "mm",
     "body_penetration": "mm",

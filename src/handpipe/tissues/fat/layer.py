@@ -31,6 +31,7 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.bending import Origin, Pace, bent
+from handpipe.tissues.fat.hidden_bones import HiddenBones
 from handpipe.tissues.fat.nails import from_vector
 from handpipe.tissues.fat.resting import LOST, LoadCase, at_rest, kept_apart, penetration, pressures_at
 from handpipe.tissues.fat.tissue import Tissue
@@ -124,6 +125,7 @@ class TissueLayer(Viscous):
         self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
     ) -> None:
         self.name, self.tissue, self.strains, self.strict = name, tissue, strains, strict
+        self._hidden = HiddenBones(tissue.skin)
         self.needs = LAYERS[name].needs
 
     def without_strains(self) -> TissueLayer:
@@ -246,9 +248,9 @@ class TissueLayer(Viscous):
         """Skin surface and tissue tets at equilibrium.
 
         The skin's field "nail" is 1 at vertices of nails; it is missing where there are none. The skin's
-        figures tell how its contact settled, how many of its vertices lie in other skin, how deep (mm), and
-        how near (mm) it comes to itself. Those of the tets tell whether they are valid, and how deep (mm)
-        they lie in the bodies below.
+        figures tell how its contact settled, how many of its vertices lie in other skin, how deep (mm), how
+        near (mm) it comes to itself, and how far (mm) bones come through it. Those of the tets tell whether
+        they are valid, and how deep (mm) they lie in the bodies below.
 
         Raises
         ------
@@ -294,10 +296,11 @@ class TissueLayer(Viscous):
         """What `solve` hands on of an equilibrium in a frame."""
         tissue, x = self.tissue, settled.x
         self._warn_beyond(frame)
-        skin = tissue.skin.moved(tissue.skin_matrix @ x)
+        skin, bones = tissue.skin.moved(tissue.skin_matrix @ x), below.get("bones", {})
         validity = tissue.validity(x)
-        validity.require(f"{self.name} of {frame.name}", vertices_of(below.get("bones", {})))
+        validity.require(f"{self.name} of {frame.name}", vertices_of(bones))
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x), **penetration(tissue, x)}
+        figures["bones_outside"] = self._hidden.outside(skin, bones)
         return {
             "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, tissue.nails(), figures),
             self.name + "_mesh": Shape(
