@@ -32,7 +32,7 @@ def take_lock():
 
 
 def at_size(mesh, preview, paper):
-    """A resource that a rule needs at the edge length of a mesh: a power of it through two measured fidelities."""
+    """What jobs need at the edge length of a mesh, a power of it through what they took at two fidelities."""
     coarse, fine, edge = (
         getattr(sizes, mesh)
         for sizes in (EDGES["preview"], EDGES["paper"], SETTINGS.sizes)
