@@ -8,11 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from handpipe.core import Viscous, artifacts
+from handpipe.core import artifacts
 from handpipe.core.configuration import Scene
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
+from handpipe.fem.potentials.viscous_layer import Viscous
 from handpipe.hand.frames import finished_frames, frames_to_follow, read_frames, write_frames
 from handpipe.hand.simulation import Failure, simulate, simulate_frame
 from handpipe.stages.hand import simulate as stage

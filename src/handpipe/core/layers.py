@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,26 +174,3 @@ class FollowingLayer(Layer, Protocol):
             Where no equilibrium was found.
         """
         ...
-
-
-class Viscous:
-    """A layer whose tissue may resist motion from frame to frame, in `solve_after` alone."""
-
-    retardation = 0.0  # retardation time of the tissue over the time between two frames
-
-    def viscous(self, retardation: float) -> Self:
-        """The same layer with viscous tissue.
-
-        Parameters
-        ----------
-        retardation : float
-            Retardation time of the tissue over the time between two frames; zero: not viscous.
-
-        Returns
-        -------
-        Viscous
-            The layer.
-        """
-        other = copy.copy(self)
-        other.retardation = retardation
-        return other

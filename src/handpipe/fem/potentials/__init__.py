@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from handpipe.fem.potentials.pull import Pull
     from handpipe.fem.potentials.strain_derivatives import strain_gradient
     from handpipe.fem.potentials.viscosity import Viscosity
+    from handpipe.fem.potentials.viscous_layer import Viscous
 else:
     __getattr__ = face(__name__)
 
@@ -25,6 +26,7 @@ __all__ = [
     "Pull",
     "Sum",
     "Viscosity",
+    "Viscous",
     "mass_matrix",
     "shape_gradients",
     "strain_gradient",

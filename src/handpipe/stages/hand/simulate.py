@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from handpipe.core import Layer, Viscous
+from handpipe.core import Layer
 from handpipe.core.configuration import Dataset, Scene
+from handpipe.fem.potentials import Viscous
 from handpipe.hand import (
     Simulated,
     finished_frames,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, Viscous, vertices_of
-from handpipe.fem.potentials import Viscosity
+from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, SimulatedFrame, vertices_of
+from handpipe.fem.potentials import Viscous
 from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.resting import LoadCase, settled_from
@@ -53,20 +53,15 @@ class FleshLayer(Viscous):
         ConvergenceError
             As `solve`.
         """
-        viscosity = None
-        if self.retardation:
-            x = before[1][self.name]["flesh_mesh"].vertices
-            viscosity = Viscosity(self.tissue.elastic, x, self.retardation)
+        x = before[1][self.name]["flesh_mesh"].vertices
         start = self.tissue.after(self.name, before, frame.bones)
-        return self._near(start, frame, below, viscosity)
+        return self.moving_from(x, self.tissue.elastic)._near(start, frame, below)
 
-    def _near(
-        self, start: Array, frame: Frame, below: Mapping[str, Shapes], viscosity: Viscosity | None = None
-    ) -> Shapes:
+    def _near(self, start: Array, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The tissue's tets at equilibrium near a start (n, 3)."""
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
-        case = replace(LoadCase.of(tissue, below, rigid), viscosity=viscosity)
+        case = replace(LoadCase.of(tissue, below, rigid), viscosity=self.viscosity)
         settled = settled_from(case, start, BRIEFLY)
         rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
         validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))

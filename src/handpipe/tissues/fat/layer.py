@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +19,11 @@ from handpipe.core import (
     Shape,
     Shapes,
     SimulatedFrame,
-    Viscous,
     artifacts,
     vertices_of,
 )
 from handpipe.fem.elements import plasticity
-from handpipe.fem.potentials import Elastic, Viscosity
+from handpipe.fem.potentials import Elastic, Viscous
 from handpipe.fem.solver import Settled
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
@@ -119,7 +117,6 @@ class TissueLayer(Viscous):
     """
 
     pace = PACE
-    viscosity: Viscosity | None = None  # over the step from the frame before, while a frame follows it
 
     def __init__(
         self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
@@ -271,15 +268,7 @@ class TissueLayer(Viscous):
             As `solve`.
         """
         origin = Origin.of(before, self.name)
-        return self._moving_from(origin.x)._after(origin, frame, below)
-
-    def _moving_from(self, x: Array) -> TissueLayer:
-        """The same layer, its viscosity over the step from x (n, 3)."""
-        if not self.retardation:
-            return self
-        other = copy.copy(self)
-        other.viscosity = Viscosity(self.tissue.elastic, x, self.retardation)
-        return other
+        return self.moving_from(origin.x, self.tissue.elastic)._after(origin, frame, below)
 
     def _after(self, origin: Origin, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         tissue = self.tissue

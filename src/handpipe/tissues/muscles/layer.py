@@ -26,13 +26,12 @@ from handpipe.core import (
     Shape,
     Shapes,
     SimulatedFrame,
-    Viscous,
     flesh_in,
 )
 from handpipe.fem.contact import Attachment
 from handpipe.fem.elements import Validity
 from handpipe.fem.minimisation import Equilibrium
-from handpipe.fem.potentials import Elastic, Potential, Viscosity
+from handpipe.fem.potentials import Elastic, Potential, Viscous
 from handpipe.fem.solver import NearEnough, Settled, equilibrium, settle
 from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, each_moved
@@ -74,7 +73,6 @@ class MuscleLayer(Viscous):
 
     name = "muscles"
     needs = LAYERS[name].needs
-    viscosity: Viscosity | None = None  # over the step from the frame before, while a frame follows it
 
     def __init__(
         self,
@@ -145,15 +143,7 @@ class MuscleLayer(Viscous):
         """
         then, shapes = before
         own = [shapes[self.name][f"{muscle.name}_mesh"].vertices for muscle in self.muscles]
-        return self._moving_from(np.concatenate(own))._after(own, before, frame, below)
-
-    def _moving_from(self, x: Array) -> MuscleLayer:
-        """The same layer, its viscosity over the step from x (N, 3)."""
-        if not self.retardation:
-            return self
-        other = copy.copy(self)
-        other.viscosity = Viscosity(self.elastic, x, self.retardation)
-        return other
+        return self.moving_from(np.concatenate(own), self.elastic)._after(own, before, frame, below)
 
     def _after(
         self, own: Sequence[Array], before: SimulatedFrame, frame: Frame, below: Mapping[str, Shapes]
