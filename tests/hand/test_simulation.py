@@ -5,6 +5,7 @@ import logging
 from dataclasses import replace
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 
@@ -248,6 +249,18 @@ def test_frames_in_two_jobs_or_after_a_kill_are_those_of_one_job(killed, tmp_pat
         [shapes["tendons"]["body"].vertices[0, 2] for _, shapes in frames] for frames in (whole.frames, found)
     ]
     assert heights[0] == heights[1] == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_a_file_without_the_aids_of_its_last_frame_is_refused_by_name(tmp_path):
+    file = tmp_path / "frames-0.h5"
+    write_frames(file, simulate([_frame(1.0)], [_Shifted("bones", ())]).frames, key="same")
+    assert len(frames_to_follow(file)) == 1
+    with h5py.File(file, "a") as content:
+        del content["aids"]
+    assert len(read_frames(file)) == 1
+    with pytest.raises(InputError, match="frames-0.h5: aids: are missing"):
+        frames_to_follow(file)
+    assert finished_frames(file, "same", [_frame(1.0)]) == {}
 
 
 def test_progress_is_logged(caplog):

@@ -32,7 +32,7 @@ def take_lock():
 
 
 def at_size(mesh, preview, paper):
-    """What jobs need at the edge length of a mesh, a power of it through what they took at two fidelities."""
+    """What jobs ask for at the edge length of a mesh: a power of it through what they ask for at two fidelities."""
     coarse, fine, edge = (
         getattr(sizes, mesh)
         for sizes in (EDGES["preview"], EDGES["paper"], SETTINGS.sizes)

@@ -175,9 +175,12 @@ def frames_to_follow(path: str | Path) -> list[SimulatedFrame]:
     Raises
     ------
     InputError
-        For another file.
+        For another file, or one of frames that were written without aids.
     """
     data = artifacts.read(path, KIND)
+    if "aids" not in data:
+        problem = "are missing: an earlier version wrote the file"
+        raise InputError(path, "aids", problem, "Delete the file and run the workflow again")
     frames = _frames(data)
     if frames:
         frames[-1][1].update(_layers(data["aids"], data["aids"]))
