@@ -107,11 +107,11 @@ CHANGES = [
             "registration": ("surfaces", "register_bones"),
             "joints.DIP2.parent": (
                 "proximal2",
-                "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",
+                "fit_rig make_bone_fascia merge_labels mesh_flesh mesh_soft_tissue register_bones",
             ),
             "joints.DIP2.child": (
                 "middle2",
-                "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",
+                "fit_rig make_bone_fascia merge_labels mesh_flesh mesh_soft_tissue register_bones",
             ),
             "joints.MP2.angles": (["MP2_abduction", "MP2_flexion"], "fit_rig merge_labels register_bones"),
             "joints.MP2.type": ("saddle", "fit_rig"),
@@ -248,6 +248,7 @@ CHANGES = [
             "edges.skin": (1.9, "make_skin report"),
             "edges.crease": (0.9, "report"),
             "edges.fat": (2.6, "mesh_fat mesh_soft_tissue report"),
+            "edges.flesh": (2.6, "mesh_flesh report"),
             "interpolation": ("inverse-square", "collect_fat_strains report"),
             "truth": ("full", "report"),
         },

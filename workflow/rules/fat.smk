@@ -96,6 +96,20 @@ rule mesh_soft_tissue:
         "../scripts/mesh_soft_tissue.py"
 
 
+use rule mesh_soft_tissue as mesh_flesh with:
+    output:
+        paths.FLESH,
+    log:
+        paths.log_of("mesh_flesh"),
+    benchmark:
+        paths.cost_of("mesh_flesh")
+    params:
+        dataset=reads("neutral", "joints.*.parent", "joints.*.child"),
+        edge=SETTINGS.sizes.flesh,
+    message:
+        "{wildcards.subject}: the flesh between the bones and the skin"
+
+
 # Of scenes at level L3 (Wang 2019 §5), in place of the tissue above.
 rule mesh_crease_tissue:
     input:

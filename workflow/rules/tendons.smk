@@ -70,8 +70,8 @@ rule simulate_flesh:
         paths.cost_of("simulate_flesh", "pose")
     threads: 1
     resources:
-        mem_mb=at_size("fat", 2000, 4000),
-        runtime=at_size("fat", 10, 30),
+        mem_mb=2000,
+        runtime=10,
     params:
         dataset=reads(*layer_fields(["bones", "flesh"])),
     message:

@@ -113,7 +113,7 @@ LAYERS: dict[str, LayerRecord] = {
     "flesh": LayerRecord(
         needs=("bones",),
         load="handpipe.tissues.fat.flesh:load",
-        artifacts=(_below(paths.SOFT_TISSUE),),
+        artifacts=(_below(paths.FLESH),),
         condition="fleshed",
         role="aid",
     ),

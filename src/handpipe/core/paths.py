@@ -73,6 +73,7 @@ LIGAMENT = f"{SUBJECT}/ligaments/{{ligament}}.h5"
 BONE_FASCIA = f"{SUBJECT}/fascia/bone.h5"
 MUSCLE_FASCIA = f"{SUBJECT}/fascia/muscle.h5"
 SKIN = f"{SUBJECT}/skin.h5"
+FLESH = f"{SUBJECT}/flesh.h5"
 SOFT_TISSUE = f"{SUBJECT}/soft_tissue/mesh.h5"
 CREASE_TISSUE = f"{SUBJECT}/soft_tissue/creases.h5"  # of level L3
 SOFT_TISSUE_FIT = f"{SUBJECT}/soft_tissue/poses/{{pose}}.h5"

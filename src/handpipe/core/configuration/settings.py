@@ -24,18 +24,26 @@ class Edges(Model):
     skin: Length
     crease: Length
     fat: Length
+    flesh: Length
 
 
 EDGES: dict[Fidelity, Edges] = {
     "preview": Edges(
-        muscle=2.5, bone_fascia=2.5, muscle_fascia=2.5, tendon=1.2, skin=2.5, crease=1.2, fat=4.0
+        muscle=2.5, bone_fascia=2.5, muscle_fascia=2.5, tendon=1.2, skin=2.5, crease=1.2, fat=4.0, flesh=4.0
     ),
     "standard": Edges(
-        muscle=1.8, bone_fascia=1.5, muscle_fascia=1.5, tendon=1.2, skin=1.5, crease=0.8, fat=2.5
+        muscle=1.8, bone_fascia=1.5, muscle_fascia=1.5, tendon=1.2, skin=1.5, crease=0.8, fat=2.5, flesh=4.0
     ),
     # At least the numbers of vertices of Zheng 2022 Table 1, on the phantom hand (docs/fidelity.md).
     "paper": Edges(
-        muscle=0.97, bone_fascia=0.65, muscle_fascia=0.66, tendon=0.44, skin=1.3, crease=0.5, fat=1.7
+        muscle=0.97,
+        bone_fascia=0.65,
+        muscle_fascia=0.66,
+        tendon=0.44,
+        skin=1.3,
+        crease=0.5,
+        fat=1.7,
+        flesh=4.0,
     ),
 }
 
@@ -51,6 +59,7 @@ class GivenEdges(Model):
     skin: Length | None = Field(None, description="of the skin's triangles")
     crease: Length | None = Field(None, description="of the skin's triangles where it folds, of level L3")
     fat: Length | None = Field(None, description="of the tetrahedra of the fat and of the single soft tissue")
+    flesh: Length | None = Field(None, description="of the flesh, which carries tendons and muscles")
 
     def in_place_of(self, edges: Edges) -> Edges:
         """These lengths where they are given, else those of `edges`."""
