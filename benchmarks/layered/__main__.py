@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", default=[], help="of `cases`: names; others keep their rows")
     parser.add_argument("--count", type=int, default=20, help="of `random`: poses")
     parser.add_argument("--seed", type=int, default=0, help="of `random`: of their choice")
-    parser.add_argument("--resume", action="store_true", help="of `random`: keep what this build has made")
+    parser.add_argument("--resume", action="store_true", help="of `random`: keep poses that this commit made")
     options, _ = parser.parse_known_args(arguments)
 
     def measure(part: str, results: Path) -> Metrics:

@@ -49,7 +49,7 @@ def doubtful(rows: Sequence[dict[str, str]]) -> str:
     least = min(float(row["least_det"]) for row in rows if row["least_det"])
     inverted = sum(float(row["inverted"]) for row in rows)
     said = (
-        f"{_counts(rows)}; {inverted:.0f} inverted tets, least det F {least:g}; "
+        f"{_counts(rows)}. {inverted:.0f} inverted tets, least det F {least:g}; "
         f"{statistics.median(seconds):.1f} s in the median, {max(seconds):.0f} s at most. "
         "Rows that are wrong or unsettled:"
     )
@@ -59,7 +59,8 @@ def doubtful(rows: Sequence[dict[str, str]]) -> str:
 def _counts(rows: Sequence[dict[str, str]]) -> str:
     verdicts = [row["verdict"] for row in rows]
     counts = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(sorted(verdicts, reverse=True)))
-    return f"{len(rows)} rows: {counts}"
+    commits = ", ".join(dict.fromkeys(row["commit"][:8] or "no commit" for row in rows))
+    return f"{len(rows)} rows: {counts}. Commit {commits}"
 
 
 def _lines(rows: Sequence[dict[str, str]]) -> list[str]:

@@ -15,14 +15,14 @@ from benchmarks.layered.case import Case, Outcome, Solved
 from benchmarks.layered.cases import CASES
 from benchmarks.layered.judging import REFUSED, RIGHT, WRONG, Row, judged
 from benchmarks.layered.subject import Subject
-from handpipe.core import Metrics, write_text
+from handpipe.core import Metrics, artifacts, write_text
 
 log = logging.getLogger(__name__)
 
 COLUMNS = (
     "case", "what", "verdict", "said", "faults", "unsettled", "inverted", "least_det", "unbalanced", "judged",
     "bones_outside", "twice", "fat_in_bodies", "muscles_in_bones", "skin_mean", "skin_max", "checks",
-    "seconds",
+    "seconds", "commit",
 )  # fmt: skip
 
 
@@ -36,7 +36,7 @@ def run_cases(subject: Subject, file: Path, only: Sequence[str] = ()) -> Metrics
 
 
 def run_random(subject: Subject, file: Path, count: int, seed: int, resume: bool = False) -> Metrics:
-    """Rows of random poses within the limits, and their figures; to resume keeps poses that the file has."""
+    """Rows of random poses within the limits, and their figures; to resume keeps those of the same commit."""
     known, rows = read(file) if resume else {}, dict[str, dict[str, str]]()
     for number, angles in enumerate(islice(subject.random(seed), count)):
         frame = subject.frame(f"random {number}", angles)
@@ -46,7 +46,7 @@ def run_random(subject: Subject, file: Path, count: int, seed: int, resume: bool
 
         said = ", ".join(f"{n} {np.degrees(a):.0f}" for n, a in angles.items()) + " deg"
         row = known.get(frame.name, {})
-        if row.get("what") != said:
+        if (row.get("what"), row.get("commit")) != (said, artifacts.commit()):
             row = cells(judged(Case(frame.name, said, run), subject))
         rows[frame.name] = row
         write(file, rows, list(rows))
@@ -91,7 +91,7 @@ def cells(row: Row) -> dict[str, str]:
         row.case, row.what, row.verdict, row.said, "; ".join(row.faults), m.unsettled, m.inverted,
         m.least_det if np.isfinite(m.least_det) else None, m.unbalanced, m.judged, m.bones_outside, m.twice,
         m.fat_in_bodies, m.muscles_in_bones, *(row.change or (None, None)), "; ".join(row.checks),
-        row.seconds,
+        row.seconds, artifacts.commit(),
     ]  # fmt: skip
     return {
         column: "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -166,11 +166,16 @@ def test_figures_and_rows(subject, tmp_path):
 
 
 def test_random_poses_lie_within_limits_and_are_counted(subject, tmp_path):
-    found = table.run_random(subject, tmp_path / "random.csv", count=1, seed=3)
+    file = tmp_path / "random.csv"
+    found = table.run_random(subject, file, count=1, seed=3)
     assert found["random_poses"] == (1.0, "1")
     assert found["random_failed"] == found["random_wrong"] == found["random_inverted"] == (0.0, "1")
-    again = table.run_random(subject, tmp_path / "random.csv", count=1, seed=3, resume=True)
+    again = table.run_random(subject, file, count=1, seed=3, resume=True)
     assert again == found  # with its seconds: the row is kept
+    [(name, row)] = table.read(file).items()
+    table.write(file, {name: row | {"commit": "another", "inverted": "7"}}, [name])
+    anew = table.run_random(subject, file, count=1, seed=3, resume=True)
+    assert anew["random_inverted"] == (0.0, "1")  # a row of another commit is not kept
     poses = [next(subject.random(seed)) for seed in range(20)]
     lower, upper = subject.limits["hinge_flexion"]
     assert all(lower <= pose["hinge_flexion"] <= upper for pose in poses)
