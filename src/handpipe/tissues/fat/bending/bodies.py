@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -49,21 +50,27 @@ class Bodies:
         before: Mapping[str, Shapes],
         below: Mapping[str, Shapes],
     ) -> None:
-        self._bones = tissue.bones
-        self._rigid: dict[str, Shape] = {}
-        self._soft: dict[tuple[str, str], _Soft] = {}
+        self._tissue, self._bones = tissue, tissue.bones
+        self._origin, self._last = origin, bones
+        self._before, self._below = before, below
+        named = list(zip(tissue.inner.layers, tissue.inner.bodies, strict=True))
+        self._rigid = {name: below[layer][name] for layer, name in named if layer == "bones"}
+        self._others = [key for key in named if key[0] != "bones"]
+
+    @cached_property
+    def _soft(self) -> dict[tuple[str, str], _Soft]:
+        """Bodies that are no bones, by layer and name: a way of one step needs none."""
+        tissue, found = self._tissue, dict[tuple[str, str], _Soft]()
         tree = cKDTree(tissue.mesh.vertices)
-        for layer, name in zip(tissue.inner.layers, tissue.inner.bodies, strict=True):
-            shape = below[layer][name]
-            if layer == "bones":
-                self._rigid[name] = shape
-                continue
+        for layer, name in self._others:
+            shape = self._below[layer][name]
             distances, near = tree.query(shape.rest, k=CORNERS)
             shares = 1.0 / np.maximum(distances, 1e-6)
             shares /= shares.sum(axis=1, keepdims=True)
             weights = np.einsum("vk,vkb->vb", shares, tissue.weights[near])
-            first = self._shifts(before[layer][name], weights, origin)
-            self._soft[layer, name] = _Soft(shape, weights, first, self._shifts(shape, weights, bones))
+            first = self._shifts(self._before[layer][name], weights, self._origin)
+            found[layer, name] = _Soft(shape, weights, first, self._shifts(shape, weights, self._last))
+        return found
 
     def _shifts(self, shape: Shape, weights: Array, bones: Mapping[str, RigidTransform]) -> Array:
         """Shifts (v, 3) in mm of a body at rest with which the blend of the bones gives its shape."""

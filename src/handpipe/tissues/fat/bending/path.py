@@ -136,7 +136,7 @@ def bent(
     while done < 1.0:
         share = min(1.0, done + size)
         there = partway(origin.bones, bones, parents, share)
-        case = case_at(there, bodies.at(there, share))
+        case = last if share == 1.0 else case_at(there, bodies.at(there, share))
         start = carried(tissue, barrier, x, before, there)
         try:
             hasty = replace(BRIEF, enough=_Hasty(pace.iterations))
