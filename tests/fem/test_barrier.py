@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, cuts, sphere
 
 from handpipe.core.errors import ConvergenceError, InputError
-from handpipe.fem.contact.barrier import Barrier, barrier_stiffness, pressure_ratio
+from handpipe.fem.contact.barrier import Barrier, CollidingPairs, barrier_stiffness, pressure_ratio
 from handpipe.fem.contact.constraints import Attachment
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.potentials.elastic import Elastic
@@ -252,6 +252,28 @@ def test_a_surface_does_not_feel_its_own_neighbours():
     assert near.value(skin) == 0.0 and not near.gradient(skin).any()
     flat = skin * [1.0, 1.0, 0.05]  # opposite sides are no neighbours
     assert near.value(flat) > 0
+
+
+def test_an_edge_that_comes_in_among_neighbours_does_not_count_as_a_cut():
+    """The end of one triangle goes through the side of another; only their far corners may collide."""
+    a, b, c, d, e = [0.5, 1.0, 0.0], [0.5, 0.3, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, -2.0, 0.0]
+    rest = np.array([a, b, c, d, e, [1.0, 1.0, 0.0], [-0.5, 0.6, 0.0]])
+    triangles = np.array([[2, 4, 3], [0, 1, 5], [1, 2, 6]])
+    x = rest + 0.0
+    x[0], x[1], x[5] = [0.5, -0.5, 0.4], [0.5, -0.5, -0.4], [1.0, 1.0, 0.4]
+    every = sp.eye(len(rest), format="csr")
+    assert cuts(x, triangles)
+    with pytest.raises(InputError, match="intersect"):  # a shorter range: no neighbours
+        Barrier(every, triangles, x, 0.1, 6.0, pairs=CollidingPairs(rest=rest))
+    barrier = Barrier(every, triangles, rest, 0.5, 6.0)
+    path = [rest + share * (x - rest) for share in np.linspace(0.0, 1.0, 41)]
+    assert all(np.isfinite(barrier.value(p)) for p in path) and not barrier.intersects(x)
+    assert barrier.max_step(rest, x - rest) == 1.0  # nothing stops it on the way
+    x[0] = [0.5, -1.5, 0.4]
+    x[1] = [0.5, -1.5, -0.4]  # straight below, through the far side: that is stopped, and is a cut
+    far = rest + 0.0
+    far[0], far[1], far[5] = [1.5, -2.5, 0.4], [1.5, -2.5, -0.4], [2.0, -2.5, 0.4]
+    assert barrier.max_step(far, x - far) < 1.0
 
 
 def test_stiffness_is_of_the_size_of_youngs_modulus():

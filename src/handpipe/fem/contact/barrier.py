@@ -19,7 +19,8 @@ from handpipe.fem.contact.collision_surface import (
 )
 from handpipe.fem.patterns.growing_pattern import GrowingPattern
 from handpipe.fem.potentials.potential import Potential, Sum
-from handpipe.mesh.contact import ipctk
+from handpipe.mesh.contact import crossings, ipctk
+from handpipe.mesh.surfaces import Surface
 
 RESERVE = 0.9  # share of a free step that is taken
 REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one step: bounds the candidates
@@ -136,9 +137,9 @@ class Barrier:
         if pairs.allowed is not None:
             colliding = colliding & pairs.allowed
         self._mesh.can_collide = colliding
-        near = neighbours(self._mesh, count, distance)
-        if near:
-            self._mesh.can_collide = colliding & ipctk.make_sparse_filter(dict.fromkeys(near, False), True)
+        self._neighbours = neighbours(self._mesh, count, distance)
+        if len(self._neighbours.pairs):
+            self._mesh.can_collide = colliding & self._neighbours.filter()
         self._edge = float(ipctk.mean_edge_length(self.positions(x), self.positions(x), self._mesh.edges)[0])
         self._potential = ipctk.BarrierPotential(distance, stiffness / TIMES_COUNTED, True)
         self._pattern = GrowingPattern()
@@ -173,7 +174,10 @@ class Barrier:
         return other
 
     def intersects(self, x: Array) -> bool:
-        """Whether an edge cuts a triangle that may collide: the final check of a finished shape."""
+        """Whether an edge cuts a triangle that may collide: the final check of a finished shape.
+
+        An edge that came into a triangle where only neighbours are, which never collide, does not count.
+        """
         return self._cuts(self.positions(x))
 
     def gap(self, x: Array) -> float:
@@ -291,7 +295,15 @@ class Barrier:
         return not self._cuts(positions)
 
     def _cuts(self, positions: Array) -> bool:
-        return bool(ipctk.has_intersections(self._mesh, positions, ipctk.LBVH()))
+        if not ipctk.has_intersections(self._mesh, positions, ipctk.LBVH()):
+            return False
+        if not len(self._neighbours.pairs):
+            return True
+        surface = Surface(positions, self._mesh.faces)
+        found = crossings(surface, self._mesh.can_collide)
+        edges, triangles = surface.edges()[found[:, 0]], surface.triangles[found[:, 1]]
+        through = self._neighbours.let_through(edges, triangles)
+        return not (len(found) and through.all())
 
     def _collisions(self, x: Array) -> tuple[Array, ipctk.NormalCollisions]:
         positions = self.positions(x)

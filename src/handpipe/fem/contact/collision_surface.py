@@ -65,8 +65,44 @@ def collision_filter(count: int, fixed: int, self_contact: bool) -> ipctk.Collis
     return allowed
 
 
-def neighbours(mesh: ipctk.CollisionMesh, count: int, distance: float) -> set[tuple[int, int]]:
-    """Pairs of surface vertices of parts that are nearer than `distance` at rest and few edges apart."""
+class Neighbours:
+    """Pairs of surface vertices of parts that are near at rest and few edges apart: they never collide.
+
+    Parameters
+    ----------
+    pairs : integer array (k, 2)
+        The pairs, each once, the smaller vertex first.
+    """
+
+    def __init__(self, pairs: IntArray) -> None:
+        self.pairs = pairs
+        self._keys = np.sort(_keys(pairs[:, 0], pairs[:, 1]))
+
+    def filter(self) -> ipctk.CollisionFilter:
+        """Which pairs of vertices may collide: all others."""
+        return ipctk.make_sparse_filter({(int(i), int(j)): False for i, j in self.pairs}, True)
+
+    def let_through(self, edges: IntArray, triangles: IntArray) -> BoolArray:
+        """Which edges (c, 2) may have come through their triangles (c, 3), as mask (c,).
+
+        An edge comes into a triangle through one of its sides or with one of its own ends. Where all vertices
+        of the two are neighbours, nothing stops it, even if it collides with the triangle's other corner.
+        """
+        ends, corners = edges[:, :, None], triangles[:, None, :]
+        keys = _keys(np.minimum(ends, corners), np.maximum(ends, corners))
+        near: BoolArray = np.isin(keys, self._keys)
+        by_end = near.all(axis=2).any(axis=1)
+        by_side = np.any([np.delete(near, i, axis=2).all(axis=(1, 2)) for i in range(3)], axis=0)
+        return by_end | by_side
+
+
+def _keys(lower: IntArray, upper: IntArray) -> IntArray:
+    """One number for each pair of vertices."""
+    return lower.astype(np.int64) << 32 | upper.astype(np.int64)
+
+
+def neighbours(mesh: ipctk.CollisionMesh, count: int, distance: float) -> Neighbours:
+    """Surface vertices of parts that are nearer than `distance` at rest and few edges apart."""
     rest, edges, faces = mesh.rest_positions, mesh.edges, mesh.faces
     candidates = ipctk.Candidates()
     candidates.build(mesh, rest, 0.5 * distance, ipctk.LBVH())
@@ -76,17 +112,18 @@ def neighbours(mesh: ipctk.CollisionMesh, count: int, distance: float) -> set[tu
         for candidate in kind
         if candidate.compute_distance(rest, edges, faces) < distance**2
     ]
+    none = Neighbours(np.zeros((0, 2), dtype=np.int64))
     if not members:
-        return set()
+        return none
     ids = np.array(members)
     pairs = np.concatenate([ids[:, [a, b]] for a in range(4) for b in range(a + 1, 4)])
     pairs = np.unique(np.sort(pairs[(pairs < count).all(axis=1)], axis=1), axis=0)
     if not len(pairs):  # only the obstacle is near
-        return set()
+        return none
     link = sp.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rest), len(rest)))
     ring = link + link.T + sp.eye(len(rest))
     near = ring
     for _ in range(NEIGHBOUR_RINGS - 1):
         near = near @ ring
     close = np.asarray(near.tocsr()[pairs[:, 0], pairs[:, 1]]).ravel() > 0
-    return {(int(i), int(j)) for i, j in pairs[close] if i != j}
+    return Neighbours(pairs[close & (pairs[:, 0] != pairs[:, 1])])
