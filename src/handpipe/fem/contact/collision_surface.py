@@ -91,9 +91,9 @@ class Neighbours:
         ends, corners = edges[:, :, None], triangles[:, None, :]
         keys = _keys(np.minimum(ends, corners), np.maximum(ends, corners))
         near: BoolArray = np.isin(keys, self._keys)
-        by_end = near.all(axis=2).any(axis=1)
+        by_end = np.any(np.all(near, axis=2), axis=1)
         by_side = np.any([np.delete(near, i, axis=2).all(axis=(1, 2)) for i in range(3)], axis=0)
-        return by_end | by_side
+        return np.asarray(by_end | by_side)
 
 
 def _keys(lower: IntArray, upper: IntArray) -> IntArray:
