@@ -42,7 +42,7 @@ class Result:
 def simulated(subject: Path, rig: Rig, poses: Sequence[Mapping[str, float]]) -> list[Result]:
     """Each pose (angles in rad) by the muscles in a subject's folder; prints a line a pose."""
     muscles = [Muscle.load(path) for path in sorted(subject.glob("muscles/*/strains.h5"))]
-    bones, flesh = BoneLayer(rig.surfaces), FleshLayer(Tissue.load(subject / "soft_tissue/mesh.h5"))
+    bones, flesh = BoneLayer(rig.surfaces), FleshLayer(Tissue.load(subject / "flesh.h5"))
     layer = MuscleLayer(muscles, examples=known_surfaces(muscles))
     results = []
     for number, angles in enumerate(poses):

@@ -186,6 +186,7 @@ BEFORE = {
     "skin": 2.5,
     "crease": 1.2,
     "fat": 4.0,
+    "flesh": 4.0,
 }
 
 

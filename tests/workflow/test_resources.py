@@ -18,7 +18,6 @@ TAKEN = {
     "make_muscle_fascia": 1519,
     "separate_muscles": 1908,
     "separate_neutral": 1676,
-    "simulate_flesh": 2578,
     "fit_fat_strains": 4505,
 }
 

@@ -78,8 +78,8 @@ RULES = {
     "bone fascia": "make_bone_fascia",
     "muscle fascia": "make_muscle_fascia",
     "fat and skin": (
-        "extract_skin make_skin mesh_fat mesh_soft_tissue mesh_crease_tissue fit_fat_strains "
-        "collect_fat_strains simulate_skin"
+        "extract_skin make_skin mesh_fat mesh_flesh mesh_soft_tissue mesh_crease_tissue "
+        "fit_fat_strains collect_fat_strains simulate_skin"
     ),
     "layers under the fat": "simulate_flesh simulate_inner",
     "scenes": "simulate export_scene export_obj",
