@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -12,7 +12,11 @@ from handpipe.mesh.surfaces import Surface
 
 
 def load_layers(
-    names: Iterable[str], dataset: Dataset, files: Iterable[Path], bones: Mapping[str, Surface]
+    names: Iterable[str],
+    dataset: Dataset,
+    files: Iterable[Path],
+    bones: Mapping[str, Surface],
+    roles: Collection[str] = ("inner", "outer", "aid"),
 ) -> list[Layer]:
     """Layers by name, inside out, without those that the subject lacks.
 
@@ -26,6 +30,8 @@ def load_layers(
         The artifacts of the layers, as `handpipe.core.artifacts_of` lists them.
     bones : mapping of str to Surface
         The bones' neutral surfaces in mm.
+    roles : collection of str
+        Roles (of `LayerRecord`) of the layers that are loaded; files of others are not read.
 
     Returns
     -------
@@ -43,7 +49,7 @@ def load_layers(
     owners = [name for name in own for _ in LAYERS[name].files(dataset)]
     for name, file in zip(owners, files, strict=True):
         own[name].append(file)
-    return [load_layer(name, given, bones) for name, given in own.items()]
+    return [load_layer(name, given, bones) for name, given in own.items() if LAYERS[name].role in roles]
 
 
 def load_layer(name: str, files: Sequence[Path], bones: Mapping[str, Surface]) -> Layer:

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
         Failure,
         Simulated,
         attempts,
-        inner_and_outer,
         simulate,
         simulate_frame,
     )
@@ -26,7 +25,6 @@ __all__ = [
     "Simulated",
     "SimulatedFrame",
     "attempts",
-    "inner_and_outer",
     "key_of",
     "simulate",
     "simulate_frame",

@@ -20,7 +20,6 @@ from handpipe.hand import (
     Simulated,
     finished_frames,
     frames_to_follow,
-    inner_and_outer,
     key_of,
     load_layers,
     simulated_ahead,
@@ -33,6 +32,7 @@ from handpipe.stages.driven_frames import driven_frames
 from handpipe.stages.files import Files
 from handpipe.tissues.muscles import MuscleLayer
 
+INNER, OUTER = ("inner", "aid"), ("outer",)  # roles of layers under the fat, and of the fat or the skin
 WAIT = 10.0  # times as long as the last writing of finished frames took, at least, until the next one
 
 
@@ -86,10 +86,10 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
     done = finished_frames(chunk.partial, key, wanted)
     earlier = [] if inputs.before is None else frames_to_follow(inputs.before)
     before = earlier[-1] if earlier else None
-    layers, ahead = _layers_of(inputs, rig, dataset, scene), None
+    ahead = None
     if chunk.threads > 1 and scene.follow:
-        layers = inner_and_outer(layers)[1]
-        ahead = partial(simulated_ahead, partial(_inner_layers, inputs, dataset, scene))
+        ahead = partial(simulated_ahead, partial(_layers_of, inputs, dataset, scene, INNER))
+    layers = _layers_of(inputs, dataset, scene, OUTER if ahead else INNER + OUTER, rig)
     found = simulate_frames(wanted, layers, done, kept.keep, scene.follow, before, ahead)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, aids=found.aids, key=key)
     chunk.partial.unlink(missing_ok=True)
@@ -97,18 +97,17 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
         print(f"handpipe: simulate: {failure}", file=sys.stderr)
 
 
-def _layers_of(inputs: Inputs, rig: Rig, dataset: Dataset, scene: Scene) -> list[Layer]:
-    """The layers that a scene needs, as it asks for them."""
-    layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
+def _layers_of(
+    inputs: Inputs, dataset: Dataset, scene: Scene, roles: Sequence[str], rig: Rig | None = None
+) -> list[Layer]:
+    """The layers of some roles that a scene needs, as it asks for them; a rig that is not given is loaded."""
+    bones = (rig or Rig.load(inputs.rig)).surfaces
+    layers = load_layers(scene.needed, dataset, inputs.layers, bones, roles)
     if scene.muscle_barrier:
         layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
     if scene.viscosity:
         layers = [x.viscous(scene.viscosity * RATE) if isinstance(x, Viscous) else x for x in layers]
     return layers
-
-
-def _inner_layers(inputs: Inputs, dataset: Dataset, scene: Scene) -> list[Layer]:
-    return inner_and_outer(_layers_of(inputs, Rig.load(inputs.rig), dataset, scene))[0]
 
 
 @dataclass
