@@ -331,7 +331,6 @@ class ConvexBarrier:
     def __init__(self, barrier: Barrier) -> None:
         self.barrier = barrier
         self.value, self.gradient, self.max_step = barrier.value, barrier.gradient, barrier.max_step
-        self.reached = barrier.reached
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         """Second derivative (3n, 3n) in mN/mm without negative eigenvalues of pairs; `project` is ignored."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from handpipe.core import Array, BoolArray, IntArray
+from handpipe.core import Array, IntArray
 from handpipe.fem.elements.tet_kernels import ElementArrays, volume_ratios
 from handpipe.fem.patterns.assembly import Pattern
 
@@ -26,11 +26,6 @@ class Crushing:
     def __init__(self, body: ElementArrays, pattern: Pattern, steepest: float = STEEPEST) -> None:
         self._body, self._pattern, self.steepest = body, pattern, steepest
         self._stiffness = body.weights * (body.lam + 5.0 / 6.0 * body.mu)
-
-    def near(self, moving: BoolArray, kept: IntArray) -> Crushing:
-        """The energy of the tets that have a vertex of a mask (n,), as `Sum.near` says."""
-        _, body = self._body.near(moving, kept)
-        return Crushing(body, Pattern.of_cells(body.tets, len(kept)), self.steepest)
 
     def value(self, x: Array) -> float:
         """Energy in microjoules; zero where every tet has a tenth of its volume or more."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from handpipe.core import Array, BoolArray, Int32Array, IntArray
+from handpipe.core import Array, Int32Array, IntArray
 from handpipe.fem.elements.materials import (
     NEO_HOOKEAN,
     energy_density,
@@ -34,14 +34,6 @@ class ElementArrays(NamedTuple):
     model: int
     mu: Array
     lam: Array
-
-    def near(self, moving: BoolArray, kept: IntArray) -> tuple[IntArray, ElementArrays]:
-        """The tets (k,) that have a vertex of a mask (n,), and their arrays with `kept` vertices alone."""
-        mine = np.flatnonzero(moving[self.tets].any(axis=1))
-        tets = np.searchsorted(kept, self.tets[mine])
-        return mine, ElementArrays(
-            tets, self.gradients[mine], self.weights[mine], self.model, self.mu[mine], self.lam[mine]
-        )
 
 
 class Law(NamedTuple):

@@ -17,11 +17,8 @@ FAR = 0.1  # of the longest step: vertices with longer ones are those the step i
 FEW = 0.01  # of all vertices, at most
 
 
-def few_vertices(direction: Array, stiffness: sp.csr_matrix, uncut: BoolArray) -> BoolArray | None:
+def few_vertices(direction: Array, stiffness: sp.csr_matrix) -> BoolArray | None:
     """The vertices that a step is about, and their neighbours; None where it is about many.
-
-    Vertices of energies that cannot be cut are left out. Where the longest step is one of theirs, there are
-    none.
 
     Parameters
     ----------
@@ -29,8 +26,6 @@ def few_vertices(direction: Array, stiffness: sp.csr_matrix, uncut: BoolArray) -
         Newton step in mm.
     stiffness : sparse matrix (3n, 3n)
         Hessian, whose entries tell neighbours.
-    uncut : boolean array (n,)
-        Vertices of energies that cannot be cut (`Sum.uncut`).
 
     Returns
     -------
@@ -39,9 +34,9 @@ def few_vertices(direction: Array, stiffness: sp.csr_matrix, uncut: BoolArray) -
     """
     steps = lengths(direction)
     about = steps > FAR * steps.max(initial=0.0)
-    if not 0 < np.count_nonzero(about) <= FEW * len(steps) or uncut[steps.argmax()]:
+    if not 0 < np.count_nonzero(about) <= FEW * len(steps):
         return None
-    return with_neighbours(about, stiffness) & ~uncut
+    return with_neighbours(about, stiffness)
 
 
 def with_neighbours(chosen: BoolArray, stiffness: sp.csr_matrix) -> BoolArray:

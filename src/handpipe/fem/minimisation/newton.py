@@ -75,8 +75,7 @@ class Newton:
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
         self._left: tuple[Array, float] | None = None
         self._noticed = time.perf_counter()
-        self._uncut = energy.uncut(len(x))
-        self._settles = self.settles_few and not self._renewed and not self._uncut.all()
+        self._settles = self.settles_few and not self._renewed
         self._settled = 0  # the iteration before which few vertices were minimised over
 
     def run(self) -> None:
@@ -150,7 +149,7 @@ class Newton:
         if not self._settles or self._settled == self.record.iterations:
             return False
         stiffness = self._directions.tangent(self.x)
-        few = few_vertices(direction, stiffness, self._uncut)
+        few = few_vertices(direction, stiffness)
         if few is None:
             return False
         self._settled = self.record.iterations

@@ -112,12 +112,20 @@ class Elastic:
 
     def near(self, moving: BoolArray, kept: IntArray) -> Elastic:
         """The energy of the tets that have a vertex of a mask (n,), as `Sum.near` says."""
-        mine, body = self._body.near(moving, kept)
+        mine = np.flatnonzero(moving[self._body.tets].any(axis=1))
         other, ids = copy.copy(self), self._order[mine]
         for name in ("rest_gradients", "volumes", "weights", "strains", "_mu", "_lam"):
             setattr(other, name, getattr(self, name)[ids])
         other.vertices, other._order = self.vertices[kept], np.arange(len(ids))
-        other.tets, other._body = body.tets, body
+        other.tets = np.searchsorted(kept, self._body.tets[mine])
+        body = self._body
+        other._body = body._replace(
+            tets=other.tets,
+            gradients=body.gradients[mine],
+            weights=body.weights[mine],
+            mu=body.mu[mine],
+            lam=body.lam[mine],
+        )
         other.pattern = Pattern.of_cells(other.tets, len(kept))
         other._partition = Partition.of_cells(other.tets, other.vertices, 1)
         return other

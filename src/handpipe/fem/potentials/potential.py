@@ -22,7 +22,7 @@ class Potential(Protocol):
     A potential may also offer `max_step(x, step) -> float`, the largest fraction in (0, 1] of a displacement
     that it allows, and `refresh(x) -> None`, called between Newton steps, where it may update what it keeps
     constant within a step. With `near(moving, kept) -> Potential | None` it gives what depends on a few
-    vertices (see `Sum.near`); `reached() -> mask (n,)` says on which vertices it may ever depend.
+    vertices (see `Sum.near`).
     """
 
     def value(self, x: Array) -> float:
@@ -95,24 +95,15 @@ class Sum:
         Returns
         -------
         Sum or None
-            None where a potential that depends on these vertices cannot be cut.
+            None where a potential cannot be cut.
         """
         parts: list[Potential] = []
         for potential in self.potentials:
             part = potential.near(moving, kept) if hasattr(potential, "near") else None
-            if part is not None:
-                parts.append(part)
-            elif not hasattr(potential, "reached") or potential.reached()[moving].any():
+            if part is None:
                 return None
+            parts.append(part)
         return Sum(parts)
-
-    def uncut(self, count: int) -> BoolArray:
-        """Vertices (n,) of `count` on which potentials that cannot be cut may depend: they stay in `near`."""
-        mask = np.zeros(count, dtype=bool)
-        for potential in self.potentials:
-            if not hasattr(potential, "near"):
-                mask |= potential.reached() if hasattr(potential, "reached") else True
-        return mask
 
     def max_step(self, x: Array, step: Array) -> float:
         """Largest fraction in (0, 1] of the displacement that every potential allows."""
