@@ -107,11 +107,11 @@ CHANGES = [
             "registration": ("surfaces", "register_bones"),
             "joints.DIP2.parent": (
                 "proximal2",
-                "fit_rig make_bone_fascia merge_labels mesh_flesh mesh_soft_tissue register_bones",
+                "fit_rig make_bone_fascia merge_labels mesh_flesh register_bones",
             ),
             "joints.DIP2.child": (
                 "middle2",
-                "fit_rig make_bone_fascia merge_labels mesh_flesh mesh_soft_tissue register_bones",
+                "fit_rig make_bone_fascia merge_labels mesh_flesh register_bones",
             ),
             "joints.MP2.angles": (["MP2_abduction", "MP2_flexion"], "fit_rig merge_labels register_bones"),
             "joints.MP2.type": ("saddle", "fit_rig"),
@@ -182,7 +182,7 @@ CHANGES = [
     *_changes(
         "scene",
         {
-            "layers": (["bones", "skin"], "report simulate"),
+            "layers": (["bones", "skin"], "mesh_soft_tissue report simulate"),
             "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
             "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
             "only": (["index"], ""),  # all of the finger's bones
@@ -197,13 +197,14 @@ CHANGES = [
             "mechanics": (True, "export_mechanics require_frames"),
             "deviations": (
                 True,
-                "evaluate_deviations learn_deviations report require_frames simulate_passive_skin "
-                "state_deviations",
+                "evaluate_deviations learn_deviations mesh_soft_tissue report require_frames "
+                "simulate_passive_skin state_deviations",
             ),
             "movie": (True, "render_movie require_frames"),
             "images": (
                 True,
-                "evaluate_images move_image move_images report require_frames simulate_passive_skin",
+                "evaluate_images mesh_soft_tissue move_image move_images report require_frames "
+                "simulate_passive_skin",
             ),
             "fidelity": ("standard", ""),  # the build's
         },
@@ -233,11 +234,11 @@ CHANGES = [
         {
             "scenes": (
                 ["bones-and-skin"],
-                "evaluate_frames export_scene report require_frames simulate",
+                "evaluate_frames export_scene mesh_soft_tissue report require_frames simulate",
             ),
             "fidelity": (
                 "paper",
-                "extract_tendon make_bone_fascia make_muscle_fascia make_skin mesh_fat mesh_soft_tissue "
+                "extract_tendon make_bone_fascia make_muscle_fascia make_skin mesh_fat "
                 "report separate_neutral",
             ),
             "edges.muscle": (1.9, "report separate_neutral"),
@@ -247,7 +248,7 @@ CHANGES = [
             "edges.tendon": (0.9, "extract_tendon report"),
             "edges.skin": (1.9, "make_skin report"),
             "edges.crease": (0.9, "report"),
-            "edges.fat": (2.6, "mesh_fat mesh_soft_tissue report"),
+            "edges.fat": (2.6, "mesh_fat report"),
             "edges.flesh": (2.6, "mesh_flesh report"),
             "interpolation": ("inverse-square", "collect_fat_strains report"),
             "truth": ("full", "report"),
