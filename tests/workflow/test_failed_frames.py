@@ -48,7 +48,7 @@ FAILS = f"""
             shapes["far"].figures["inverted_tets"] = 3.0 * (frame.name == "end")
             return shapes
 
-    stage_module.load_layers = lambda names, dataset, files, bones: [Picky(bones)]
+    stage_module.load_layers = lambda names, dataset, files, bones, roles: [Picky(bones)]
 """
 
 
