@@ -20,6 +20,7 @@ TAKEN = {
     "separate_neutral": 1676,
     "fit_fat_strains": 4505,
 }
+FINE_FLESH = 2578  # likewise, at 1.7 mm
 
 
 @pytest.fixture
@@ -45,5 +46,7 @@ def test_memory_grows_with_the_meshes(asked) -> None:  # type: ignore[no-untyped
         assert preview[rule] < standard[rule] < paper[rule]
         assert taken < paper[rule] < 2 * taken
     assert finer["fit_fat_strains"] == paper["fit_fat_strains"]
+    assert paper["simulate_flesh"] == preview["simulate_flesh"]  # its mesh is the same
+    assert FINE_FLESH < asked("edges={flesh: 1.7}")["simulate_flesh"] < 2 * FINE_FLESH
     assert finer["make_bone_fascia"] == preview["make_bone_fascia"]
     assert asked("fidelity=preview", "edges={fat: 6}")["fit_fat_strains"] == preview["fit_fat_strains"]

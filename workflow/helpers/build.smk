@@ -31,12 +31,13 @@ def take_lock():
     )  # a file that nothing refers to is closed, and its lock is gone
 
 
-def at_size(mesh, preview, paper):
-    """What jobs ask for at the edge length of a mesh: a power of it through what they ask for at two fidelities."""
-    coarse, fine, edge = (
-        getattr(sizes, mesh)
-        for sizes in (EDGES["preview"], EDGES["paper"], SETTINGS.sizes)
-    )
+def at_size(mesh, preview, paper, like=None):
+    """What jobs ask for at the edge length of a mesh: a power of it through what they ask for at two fidelities.
+
+    like: the mesh whose lengths at these two count, where the own length is the same at both.
+    """
+    coarse, fine = (getattr(EDGES[word], like or mesh) for word in ("preview", "paper"))
+    edge = getattr(SETTINGS.sizes, mesh)
     share = math.log(coarse / edge) / math.log(coarse / fine)
     return math.ceil(preview * (paper / preview) ** max(share, 0))
 

@@ -70,8 +70,8 @@ rule simulate_flesh:
         paths.cost_of("simulate_flesh", "pose")
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=at_size("flesh", 2000, 4000, like="fat"),
+        runtime=at_size("flesh", 10, 30, like="fat"),
     params:
         dataset=reads(*layer_fields(["bones", "flesh"])),
     message:

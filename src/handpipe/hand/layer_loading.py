@@ -16,7 +16,7 @@ def load_layers(
     dataset: Dataset,
     files: Iterable[Path],
     bones: Mapping[str, Surface],
-    roles: Collection[str] = ("inner", "outer", "aid"),
+    roles: Collection[str] | None = None,
 ) -> list[Layer]:
     """Layers by name, inside out, without those that the subject lacks.
 
@@ -30,8 +30,8 @@ def load_layers(
         The artifacts of the layers, as `handpipe.core.artifacts_of` lists them.
     bones : mapping of str to Surface
         The bones' neutral surfaces in mm.
-    roles : collection of str
-        Roles (of `LayerRecord`) of the layers that are loaded; files of others are not read.
+    roles : collection of str, optional
+        Roles (of `LayerRecord`) of the layers that are loaded, by default all; files of others are not read.
 
     Returns
     -------
@@ -49,7 +49,8 @@ def load_layers(
     owners = [name for name in own for _ in LAYERS[name].files(dataset)]
     for name, file in zip(owners, files, strict=True):
         own[name].append(file)
-    return [load_layer(name, given, bones) for name, given in own.items() if LAYERS[name].role in roles]
+    chosen = [name for name in own if roles is None or LAYERS[name].role in roles]
+    return [load_layer(name, own[name], bones) for name in chosen]
 
 
 def load_layer(name: str, files: Sequence[Path], bones: Mapping[str, Surface]) -> Layer:

@@ -303,7 +303,7 @@ class Barrier:
         found = crossings(surface, self._mesh.can_collide)
         edges, triangles = surface.edges()[found[:, 0]], surface.triangles[found[:, 1]]
         through = self._neighbours.let_through(edges, triangles)
-        return not (len(found) and through.all())
+        return not (len(found) and through.all())  # where the two tests differ, the toolkit's counts
 
     def _collisions(self, x: Array) -> tuple[Array, ipctk.NormalCollisions]:
         positions = self.positions(x)

@@ -76,7 +76,7 @@ class Neighbours:
 
     def __init__(self, pairs: IntArray) -> None:
         self.pairs = pairs
-        self._keys = np.sort(_keys(pairs[:, 0], pairs[:, 1]))
+        self._keys = _keys(pairs[:, 0], pairs[:, 1])
 
     def filter(self) -> ipctk.CollisionFilter:
         """Which pairs of vertices may collide: all others."""

@@ -89,7 +89,7 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
     ahead = None
     if chunk.threads > 1 and scene.follow:
         ahead = partial(simulated_ahead, partial(_layers_of, inputs, dataset, scene, INNER))
-    layers = _layers_of(inputs, dataset, scene, OUTER if ahead else INNER + OUTER, rig)
+    layers = _layers_of(inputs, dataset, scene, OUTER if ahead else None, rig)
     found = simulate_frames(wanted, layers, done, kept.keep, scene.follow, before, ahead)
     write_frames(output, found.frames, inputs.all(), failures=found.failures, aids=found.aids, key=key)
     chunk.partial.unlink(missing_ok=True)
@@ -98,9 +98,9 @@ def simulate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk
 
 
 def _layers_of(
-    inputs: Inputs, dataset: Dataset, scene: Scene, roles: Sequence[str], rig: Rig | None = None
+    inputs: Inputs, dataset: Dataset, scene: Scene, roles: Sequence[str] | None, rig: Rig | None = None
 ) -> list[Layer]:
-    """The layers of some roles that a scene needs, as it asks for them; a rig that is not given is loaded."""
+    """The layers of some or all roles that a scene needs, as it asks for them; a rig not given is loaded."""
     bones = (rig or Rig.load(inputs.rig)).surfaces
     layers = load_layers(scene.needed, dataset, inputs.layers, bones, roles)
     if scene.muscle_barrier:
