@@ -244,6 +244,12 @@ def test_a_subject_without_its_source_data_is_skipped_and_named_once(small: Path
     assert len(lines) == 1 and "zanatomy-hand-preview is skipped: its anatomy" in lines[0]
 
 
+def test_a_build_of_skipped_subjects_alone_is_refused(small: Path) -> None:
+    said = run(small, "all", "-n", "--config", "subjects=[zanatomy-hand-preview]", "scenes=[]")
+    assert said.returncode != 0
+    assert "subjects: the anatomy of every subject is absent" in said.stdout
+
+
 def test_truncated_artifact(built_small: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     path = folder / SEGMENT

@@ -94,6 +94,10 @@ def buildable_subjects():
             )
         else:
             kept.append(subject)
+    if SETTINGS.subjects and not kept:
+        raise WorkflowError(
+            "handpipe: subjects: the anatomy of every subject is absent; name a subject whose files are here"
+        )
     return kept
 
 
