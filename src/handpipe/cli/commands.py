@@ -153,7 +153,10 @@ def status(
         return
     print(f"{'stage':26s}{'done':>6s}{'to do':>6s}  seconds a job")
     for s in stages:
-        print(f"{s.rule:26s}{s.done:6d}{s.left:6d}  {'unknown' if s.seconds is None else f'{s.seconds:.0f}'}")
+        seconds = "unknown" if s.seconds is None else f"{s.seconds:.0f}{'*' * s.typical}"
+        print(f"{s.rule:26s}{s.done:6d}{s.left:6d}  {seconds}")
+    if any(s.typical for s in stages):
+        print("* no such job was done here: seconds of the generated hand at `fidelity: preview`")
     unknown = sum(s.left for s in stages if s.seconds is None)
     more = f", and {unknown} jobs of unknown length" if unknown else ""
     rest = progress.duration(sum(s.seconds_left for s in stages) / cores)
