@@ -74,7 +74,8 @@ def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: 
     own = flood(values, inside, allowed & ~outside, np.maximum(strokes, LEAST))
     other = flood(values, outside, allowed & ~inside, brighter=True)
     plateau = allowed & (values >= ndimage.maximum_filter(values, footprint=NEXT) - PLATEAU)
-    sure_inside = plateau & (own < np.minimum(other - CLEAR, FARTHEST))
+    zone = _zone(own, other, inside)
+    sure_inside = plateau & zone & (own < np.minimum(other - CLEAR, FARTHEST))
     sure_outside = plateau & (other < own - CLEAR) & ((other <= DIRECT) | ~np.isfinite(own))
     marks = np.where(outside | sure_outside, OUTSIDE, 0)
     marks = np.where(inside | sure_inside, INSIDE, marks).astype(np.uint8)
@@ -86,7 +87,7 @@ def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: 
     large = sizes > MOST * before
     large[0] = False
     marks[large[parts]] = OUTSIDE
-    growing = behind & ~large[parts]
+    growing = behind & zone & ~large[parts]
     bright, count = ndimage.label(growing & (values > BRIGHT) & (own < other))
     if count == 0:
         return SureMarks(marks, growing, 0.0, np.zeros(3))
@@ -94,3 +95,16 @@ def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: 
     sizes[0] = 0
     middle = np.argwhere(bright == sizes.argmax()).mean(axis=0)
     return SureMarks(marks, growing, float(sizes.max()), middle)
+
+
+def _zone(own: NDArray, other: NDArray, inside: BoolArray) -> BoolArray:
+    """Voxels that strokes in the bone reach at less than others do, on a way of such voxels.
+
+    Where fat is brighter than the strokes around the bone, paths out of it by its shell's thinnest place are
+    cheaper there again: a bone does not go on behind the tissue of others.
+    """
+    parts, count = ndimage.label((own < other) | inside)
+    met = np.zeros(count + 1, bool)
+    met[parts[inside]] = True
+    met[0] = False
+    return np.asarray(met[parts])
