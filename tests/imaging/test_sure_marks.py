@@ -14,7 +14,7 @@ SHAPE = (280, 40, 40)  # 140 mm long: more than any bone
 
 
 def leaking_ball() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Intensities, strokes (1 marrow, 255 fat) and the marrow; fat is 1.0 beside the bone, 1.7 at the far end."""
+    """Intensities, strokes (1 marrow, 255 fat) and the marrow; fat is 1.0 near it, 1.7 far off."""
     x, y, z = np.indices(SHAPE) * SPACING
     away = np.sqrt((x - 12.0) ** 2 + (y - 10.0) ** 2 + (z - 10.0) ** 2)
     values = 1.0 + 0.7 * np.clip((x - 20.0) / 100.0, 0.0, 1.0)
