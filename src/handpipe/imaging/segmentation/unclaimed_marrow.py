@@ -12,9 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
-from handpipe.core import Array, BoolArray
+from handpipe.core import Array, BoolArray, IntArray
 from handpipe.imaging.segmentation.open_boundary import VALLEY
+from handpipe.imaging.volumes.volume import box
 
 BRIGHT = (0.4, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
 DIM = (
@@ -39,6 +41,15 @@ class Unclaimed(NamedTuple):
 NOTHING = Unclaimed(0.0, np.zeros(3))
 
 
+class _Claim(NamedTuple):
+    """What a bone claims (nx, ny, nz); the same with a rim; its voxels (m, 3), and their places as a tree."""
+
+    voxels: BoolArray
+    covered: BoolArray
+    indices: IntArray
+    places: cKDTree
+
+
 def unclaimed_marrow(values: NDArray, claimed: BoolArray, others: BoolArray, spacing: NDArray) -> Unclaimed:
     """The largest bright part within a claim's shell that the claim lacks.
 
@@ -52,24 +63,16 @@ def unclaimed_marrow(values: NDArray, claimed: BoolArray, others: BoolArray, spa
         Of the voxels in mm.
     """
     covered = ndimage.binary_dilation(claimed, iterations=RIM)
-    found = [
-        _largest(values, threshold, claimed, covered, others, spacing, beyond=True) for threshold in BRIGHT
-    ]
+    indices = np.argwhere(claimed)
+    claim = _Claim(claimed, covered, indices, cKDTree(indices * spacing))
+    found = [_largest(values, threshold, claim, others, spacing, beyond=True) for threshold in BRIGHT]
     shelled = np.where(_valleys(values, spacing) & ~claimed, 0, values)
-    found += [
-        _largest(shelled, threshold, claimed, covered, others, spacing, beyond=False) for threshold in DIM
-    ]
+    found += [_largest(shelled, threshold, claim, others, spacing, beyond=False) for threshold in DIM]
     return max(found, key=lambda part: part.volume)
 
 
 def _largest(
-    values: NDArray,
-    threshold: float,
-    claimed: BoolArray,
-    covered: BoolArray,
-    others: BoolArray,
-    spacing: NDArray,
-    beyond: bool,
+    values: NDArray, threshold: float, claim: _Claim, others: BoolArray, spacing: NDArray, beyond: bool
 ) -> Unclaimed:
     """The largest part brighter than a threshold that holds claimed voxels.
 
@@ -82,15 +85,17 @@ def _largest(
     for axis in range(3):
         for end in (0, -1):
             enclosed[np.take(parts, end, axis)] = False
-    sizes = np.bincount(parts[~covered].ravel(), minlength=count + 1) * enclosed
+    sizes = np.bincount(parts[~claim.covered].ravel(), minlength=count + 1) * enclosed
     voxel = float(np.prod(spacing))
     own = np.zeros(count + 1, bool)
-    own[parts[claimed]] = True
+    own[parts[claim.voxels]] = True
+    boxes = ndimage.find_objects(parts)
     for part in np.argsort(-sizes)[:5]:
         if sizes[part] * voxel < LEAST:
             break
-        rest = np.argwhere((parts == part) & ~covered)
-        if own[part] or (beyond and _joined(values, claimed, rest, spacing)):
+        around = boxes[part - 1]
+        rest = np.argwhere((parts[around] == part) & ~claim.covered[around]) + [s.start for s in around]
+        if own[part] or (beyond and _joined(values, claim, rest, spacing)):
             return Unclaimed(float(sizes[part]) * voxel, rest.mean(axis=0))
     return NOTHING
 
@@ -105,20 +110,21 @@ def _valleys(values: NDArray, spacing: NDArray) -> BoolArray:
     return found
 
 
-def _joined(values: NDArray, claimed: BoolArray, rest: NDArray, spacing: NDArray) -> bool:
+def _joined(values: NDArray, claim: _Claim, rest: NDArray, spacing: NDArray) -> bool:
     """Whether a part's voxels (m, 3) and the claim are the ends of one solid piece of bone.
 
     Half-way between them, and all the way but near the ends, it is dark for `AROUND` mm across: a joint's
     cartilage is not, a canal of a voxel is.
     """
-    distance, nearest = ndimage.distance_transform_edt(~claimed, sampling=spacing, return_indices=True)
-    start = rest[np.argmin(distance[tuple(rest.T)])]
-    length = float(distance[tuple(start)])
+    distances, nearest = claim.places.query(rest * spacing)
+    at = int(np.argmin(distances))
+    start, end, length = rest[at], claim.indices[nearest[at]], float(distances[at])
     if length > FARTHEST:
         return False
-    end = nearest[(slice(None), *start)]
     near = min(AROUND / max(length, AROUND), 0.5)
     share = np.linspace(near, 1 - near, 2 * int(np.abs(end - start).max()) + 1)[:, None]
     way = np.round(start + share * (end - start)).astype(int)
     across = np.maximum(np.round(AROUND / spacing), 1).astype(int)
-    return bool((ndimage.uniform_filter(values, across)[tuple(way.T)] < SOLID).all())
+    low = np.maximum(way.min(axis=0) - across, 0)
+    beside = values[box(low, way.max(axis=0) + across + 1)]
+    return bool((ndimage.uniform_filter(beside, across)[tuple((way - low).T)] < SOLID).all())
