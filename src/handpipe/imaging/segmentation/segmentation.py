@@ -31,6 +31,7 @@ TYPICAL = 0.75  # quantile of the intensities at a bone's seeds: in a narrow can
 RISE = (1.15, 1.7)  # times the strokes' level, at which the marrow around them tells the level
 UNDECIDED = 2e-4  # of the claimed voxels
 ROUND = 0.6  # voxels: an opened part's corners are grown back as far
+BEHIND = 30.0  # mm around its strokes in which parts behind a barrier are looked at: half of a metacarpal
 SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
 
 
@@ -278,20 +279,23 @@ def local_problem(volume: Volume, seeds: Labels, label: int, settings: Segmentat
     lower, upper, level = _around_seeds(volume, seeds, label)
     if settings.marks == "distance":
         return _cropped(_by_distance(volume, seeds, label, level, settings), volume)
+    farthest = np.array(_enlarged(volume, lower, upper, BEHIND))
     lower, upper = _enlarged(volume, lower, upper, settings.margin)
     level = _risen(_problem(volume, seeds, label, level, lower, upper, settings))
     reach = settings.margin
     while True:
-        problem, wanted = _growing(volume, seeds, label, level, lower, upper, settings)
-        faces = touched(wanted, lower, upper, volume.shape)
+        problem, behind = _growing(volume, seeds, label, level, lower, upper, settings)
+        inside = problem.marks == INSIDE
+        reached = touched(inside, lower, upper, volume.shape)
+        near = np.array([lower > farthest[0], upper < farthest[1]])
+        faces = reached | (near & touched(behind, lower, upper, volume.shape))
         if not faces.any():
             break
-        inside = problem.marks == INSIDE
-        if touched(inside, lower, upper, volume.shape).any():
+        if reached.any():
             _check_length(inside, volume.spacing, label)
-        elif float(np.max((upper - lower) * volume.spacing)) > LONGEST:
-            break  # what lies behind a barrier goes on farther than any bone
         low, high = _enlarged(volume, lower, upper, reach)
+        low = np.where(reached[0], low, np.maximum(low, farthest[0]))
+        high = np.where(reached[1], high, np.minimum(high, farthest[1]))
         lower, upper = np.where(faces[0], low, lower), np.where(faces[1], high, upper)
         reach *= 2
     return _cropped(problem, volume)
@@ -350,14 +354,14 @@ def _growing(
     upper: IntArray,
     settings: SegmentationSettings,
 ) -> tuple[LocalProblem, BoolArray]:
-    """The problem in a box, and the voxels (nx, ny, nz) that have to end inside the box."""
+    """The problem in a box, and the voxels (nx, ny, nz) behind a barrier that may belong to the bone."""
     values, marked = volume.values[box(lower, upper)] / np.float32(level), seeds[box(lower, upper)]
     dark, other = values < settings.dark, (marked != 0) & (marked != label)
     found = sure_marks(values, (marked == label) & ~dark, other & ~dark, ~dark)
     marks = np.where(dark | other, OUTSIDE, found.marks).astype(np.uint8)
     x, y, z = (found.middle + lower).tolist()
     undecided = found.undecided * float(np.prod(volume.spacing)), (x, y, z)
-    return LocalProblem(lower, level, values, marks, undecided), (marks == INSIDE) | found.growing
+    return LocalProblem(lower, level, values, marks, undecided), found.growing
 
 
 def _enlarged(volume: Volume, lower: IntArray, upper: IntArray, margin: float) -> tuple[IntArray, IntArray]:

@@ -87,8 +87,8 @@ def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: 
     large = sizes > MOST * before
     large[0] = False
     marks[large[parts]] = OUTSIDE
-    growing = behind & zone & ~large[parts]
-    bright, count = ndimage.label(growing & (values > BRIGHT) & (own < other))
+    growing = behind & ~large[parts]
+    bright, count = ndimage.label(growing & zone & (values > BRIGHT))
     if count == 0:
         return SureMarks(marks, growing, 0.0, np.zeros(3))
     sizes = np.bincount(bright.ravel())
