@@ -6,7 +6,6 @@ They are means over the jobs of the measured build.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from statistics import fmean
 
 from benchmarks.cluster.measured import SUBJECT, Measured
@@ -22,7 +21,7 @@ def typical(found: Measured) -> str:
 
 def main() -> None:
     """Write the file."""
-    artifacts.write_text(Path(TYPICAL), typical(Measured.read()))
+    artifacts.write_text(TYPICAL, typical(Measured.read()))
 
 
 if __name__ == "__main__":

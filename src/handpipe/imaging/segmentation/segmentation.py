@@ -18,7 +18,7 @@ from handpipe.core.configuration import Dataset, Model
 from handpipe.imaging.formats.segments import BACKGROUND
 from handpipe.imaging.segmentation.distance_marks import distance_marks
 from handpipe.imaging.segmentation.random_walker import INSIDE, OUTSIDE, Stop, random_walker
-from handpipe.imaging.segmentation.sure_marks import sure_marks
+from handpipe.imaging.segmentation.sure_marks import parts_with, sure_marks
 from handpipe.imaging.volumes.volume import Labels, Volume, box
 
 logger = logging.getLogger(__name__)
@@ -261,6 +261,9 @@ class LocalProblem:
 def local_problem(volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings) -> LocalProblem:
     """The walker's problem in a box around all that a bone's strokes reach.
 
+    The box grows where the marrow reaches its border, and within `BEHIND` of the strokes also where a part
+    does that may be the bone's other end.
+
     Parameters
     ----------
     volume, seeds, label, settings
@@ -287,8 +290,8 @@ def local_problem(volume: Volume, seeds: Labels, label: int, settings: Segmentat
         problem, behind = _growing(volume, seeds, label, level, lower, upper, settings)
         inside = problem.marks == INSIDE
         reached = touched(inside, lower, upper, volume.shape)
-        near = np.array([lower > farthest[0], upper < farthest[1]])
-        faces = reached | (near & touched(behind, lower, upper, volume.shape))
+        within = np.array([lower > farthest[0], upper < farthest[1]])
+        faces = reached | (within & touched(behind, lower, upper, volume.shape))
         if not faces.any():
             break
         if reached.any():
@@ -421,10 +424,10 @@ def bounds(mask: BoolArray) -> tuple[IntArray, IntArray]:
 
 def _connected(probability: NDArray, seeds: BoolArray) -> NDArray:
     """Keep only the claimed voxels that are connected to a seed; fill holes inside the marrow."""
-    parts, _ = ndimage.label(probability > 0.5)
-    kept = np.isin(parts, np.setdiff1d(parts[seeds], 0))
+    claimed = probability > 0.5
+    kept = parts_with(claimed, seeds)
     filled = ndimage.binary_fill_holes(kept)
-    stray = (parts > 0) & ~kept
+    stray = claimed & ~kept
     return np.where(filled & ~kept, 1 - np.minimum(probability, 0.5), np.where(stray, 0.0, probability))
 
 
@@ -440,8 +443,7 @@ def without_necks(probability: NDArray, strokes: BoolArray, spacing: NDArray, ne
     around = np.pad(claimed, 1, mode="edge")
     depth = ndimage.distance_transform_edt(around, sampling=spacing)[1:-1, 1:-1, 1:-1]
     core, own = (depth > neck / 2) | (strokes & claimed), strokes & claimed
-    parts, _ = ndimage.label(core)
-    kept = np.isin(parts, np.setdiff1d(parts[own], 0))
+    kept = parts_with(core, own)
     near = ndimage.distance_transform_edt(~kept, sampling=spacing) <= neck / 2 + ROUND * spacing.max()
     return np.where(claimed & ~near, 0.0, probability)
 

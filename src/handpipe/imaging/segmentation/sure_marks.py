@@ -74,7 +74,9 @@ def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: 
     own = flood(values, inside, allowed & ~outside, np.maximum(strokes, LEAST))
     other = flood(values, outside, allowed & ~inside, brighter=True)
     plateau = allowed & (values >= ndimage.maximum_filter(values, footprint=NEXT) - PLATEAU)
-    zone = _zone(own, other, inside)
+    # Fat that is brighter than the strokes around the bone is cheaper for the bone's own strokes, beyond the
+    # thinnest place of its shell. A bone does not go on behind the tissue of others.
+    zone = parts_with((own < other) | inside, inside)
     sure_inside = plateau & zone & (own < np.minimum(other - CLEAR, FARTHEST))
     sure_outside = plateau & (other < own - CLEAR) & ((other <= DIRECT) | ~np.isfinite(own))
     marks = np.where(outside | sure_outside, OUTSIDE, 0)
@@ -97,14 +99,19 @@ def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: 
     return SureMarks(marks, growing, float(sizes.max()), middle)
 
 
-def _zone(own: NDArray, other: NDArray, inside: BoolArray) -> BoolArray:
-    """Voxels that strokes in the bone reach at less than others do, on a way of such voxels.
+def parts_with(mask: BoolArray, chosen: BoolArray) -> BoolArray:
+    """The connected parts of a mask (nx, ny, nz) that hold a chosen voxel (nx, ny, nz).
 
-    Where fat is brighter than the strokes around the bone, paths out of it by its shell's thinnest place are
-    cheaper there again: a bone does not go on behind the tissue of others.
+    Parameters
+    ----------
+    mask : (nx, ny, nz) bool
+        Voxels whose parts are connected by their faces.
+    chosen : (nx, ny, nz) bool
+        Voxels that tell which parts count; those outside of the mask tell nothing.
+
+    Returns
+    -------
+    (nx, ny, nz) bool
     """
-    parts, count = ndimage.label((own < other) | inside)
-    met = np.zeros(count + 1, bool)
-    met[parts[inside]] = True
-    met[0] = False
-    return np.asarray(met[parts])
+    parts, _ = ndimage.label(mask)
+    return np.asarray(np.isin(parts, np.setdiff1d(parts[chosen], 0)))
