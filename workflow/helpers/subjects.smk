@@ -40,7 +40,9 @@ def playable_scenes():
         else:
             kept.append(name)
     if SETTINGS.scenes and not kept:
-        raise WorkflowError("handpipe: scenes: the recording of every scene is absent")
+        raise WorkflowError(
+            "handpipe: scenes: the recording of every scene is absent; name a scene whose files are here"
+        )
     return kept
 
 
