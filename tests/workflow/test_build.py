@@ -38,8 +38,14 @@ Figure = Callable[[str, str, str], float]
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A working copy with everything, as `make finger` builds it; nothing that was built before counts."""
+    """A working copy with everything, as `make finger` builds it but with coarser meshes.
+
+    Nothing that was built before counts.
+    """
     folder = working_copy(tmp_path_factory.mktemp("finger") / "copy")
+    given = folder / "config" / "finger.yaml"
+    text = given.read_text(encoding="utf-8")
+    given.write_text(text.replace("fidelity: standard", "fidelity: preview"), encoding="utf-8")
     (folder / WATCHED).mkdir()
     process = run(folder, "-j2", "all", environment=watching(folder / WATCHED))
     assert process.returncode == 0, process.stdout[-5000:]
