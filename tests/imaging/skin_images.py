@@ -45,18 +45,26 @@ def image(
     voxel = np.broadcast_to(np.asarray(spacing, float), 3)
     low = np.array(box[0]) + voxel * rng.uniform(0, 1, 3)
     shape = np.ceil((np.array(box[1]) - low) / voxel).astype(int)
-    within = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
-    axes = [(low[c] + voxel[c] * (np.arange(shape[c])[:, None] + within)).ravel() for c in range(3)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    split = tuple(n for count in shape for n in (count, SAMPLES))
+    middles = low + voxel * np.moveaxis(np.indices(shape), 0, -1)
     clean = np.full(shape, AIR)
     for part, value in ((body, SKIN), *inner):
-        clean += (value - clean) * (part(points) < 0).reshape(split).mean(axis=(1, 3, 5))
+        clean += (value - clean) * inside(part, middles, voxel)
     clean *= np.exp(-fall_off * np.linspace(0, 1, shape[1]))[:, None]
     real, imaginary = noise * rng.standard_normal((2, *shape))
     affine = np.diag([*voxel, 1.0])
     affine[:3, 3] = low
     return Volume((GAIN * np.hypot(clean + real, imaginary)).astype(np.float32), affine)
+
+
+def inside(body: Body, middles: np.ndarray, voxel: np.ndarray) -> np.ndarray:
+    """The share (…,) in a body of voxels, given by their middles (…, 3); sampled at its border."""
+    within = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    samples = voxel * np.stack(np.meshgrid(within, within, within), axis=-1).reshape(-1, 3)
+    distance = body(middles)
+    border = np.abs(distance) <= np.linalg.norm(samples, axis=1).max()
+    share = (distance < 0).astype(float)
+    share[border] = (body(middles[border][:, None] + samples) < 0).mean(axis=1)
+    return share
 
 
 def surface(body: Body, around: np.ndarray, spacing: float = 0.7) -> Surface:
