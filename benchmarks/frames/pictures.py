@@ -15,7 +15,7 @@ from handpipe.core.configuration import load_dataset
 from handpipe.evaluation import camera_views, pictures
 from handpipe.evaluation.rendering import Camera, Image
 from handpipe.hand import read_frames
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 from handpipe.skeleton.rig import Rig
 
 SIZE = (360, 360)  # pixels of a picture

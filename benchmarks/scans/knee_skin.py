@@ -11,7 +11,8 @@ from benchmarks.scans.knee_build import BENT, STRAIGHT, Knee
 from handpipe.core import Array, BoolArray, Layer
 from handpipe.evaluation import surface_distance
 from handpipe.hand import simulate_frame
-from handpipe.mesh.surfaces import Distance, Surface, read_surface
+from handpipe.mesh.files import read_surface
+from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.bones import write_registrations
 from handpipe.skeleton.posing import BoneLayer
 from handpipe.skeleton.registration import unmoved

@@ -18,8 +18,9 @@ import trimesh
 from benchmarks.shapes.bodies import scattered
 from handpipe.core import Array
 from handpipe.imaging.evidence import read_markers, write_markers
+from handpipe.mesh.files import read_surface
 from handpipe.mesh.generation import remesh, tetrahedralise
-from handpipe.mesh.surfaces import Surface, read_surface, sample_points
+from handpipe.mesh.surfaces import Surface, sample_points
 from handpipe.mesh.surfaces.distance import surface_errors as distances
 from handpipe.shapes.organs.files import read_template
 

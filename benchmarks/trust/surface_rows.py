@@ -19,7 +19,8 @@ from benchmarks.trust.readers import Row, read_right, refused
 from handpipe.core import Array, IntArray
 from handpipe.imaging.evidence import read_landmarks, read_markers
 from handpipe.imaging.volumes import Foreground, Volume, require_points_in_image, require_scan_in_image
-from handpipe.mesh.surfaces import Surface, read_scan, read_surface
+from handpipe.mesh.files import read_scan, read_surface
+from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import read_tets
 from handpipe.tissues.muscles.fitting import read_attachments, require_near_bones
 

@@ -10,7 +10,8 @@ from handpipe.anatomy.shipped import HAND, bones_of_part, fields_of, install
 from handpipe.core import InputError
 from handpipe.core.configuration import load_dataset
 from handpipe.imaging.evidence import read_markers
-from handpipe.mesh.surfaces import Distance, concatenate, read_surface
+from handpipe.mesh.files import read_surface
+from handpipe.mesh.surfaces import Distance, concatenate
 
 PALM = np.array([0.0, 0.0, -1.0])  # of the template's frame, as docs/anatomy.md states it
 

@@ -14,7 +14,8 @@ from handpipe.anatomy.placing import load_bones
 from handpipe.cli import main
 from handpipe.cli.muscle_curves import BoneServer, BoneSession, curves_command, open_bones
 from handpipe.core import InputError
-from handpipe.mesh.surfaces import Surface, read_surface, write_surface
+from handpipe.mesh.files import read_surface, write_surface
+from handpipe.mesh.surfaces import Surface
 
 PAGE = "document.querySelector('main').page"
 LIMB = trimesh.creation.capsule(height=160.0, radius=20.0, count=[32, 32])

@@ -23,7 +23,8 @@ from handpipe.anatomy.templates import TissueMesh, load_curves
 from handpipe.cli import main
 from handpipe.cli.muscle_curves import CurveServer, CurveSession, open_session, write_example
 from handpipe.core import InputError
-from handpipe.mesh.surfaces import Distance, read_surface, write_surface
+from handpipe.mesh.files import read_surface, write_surface
+from handpipe.mesh.surfaces import Distance
 
 SURFACES = arm(4.0)
 

@@ -15,7 +15,7 @@ from tests.cli.test_muscle_curves import request, served_in_a_thread, unpacked
 from handpipe.cli.muscle_curves.server import CurveServer
 from handpipe.cli.muscle_curves.session import CurveSession
 from handpipe.core import InputError, RigidTransform
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 
 SURFACES = elbow(6.0)
 PATIENCE = 300.0  # s that a solve of some hundred tets may take on a busy machine

@@ -11,7 +11,7 @@ from handpipe.anatomy.shipped import install
 from handpipe.core.configuration import Dataset
 from handpipe.hand.carried import CarriedTemplate, with_carried_hints
 from handpipe.imaging.evidence import read_markers
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 from handpipe.tissues.muscles.fitting import Rival
 
 BONES = ("metacarpal2", "proximal2", "middle2", "distal2", "metacarpal3", "capitate")

@@ -13,8 +13,8 @@ from handpipe.core import Frame, InputError, Shape
 from handpipe.hand.exports.carried_scan import CarriedScan
 from handpipe.hand.exports.scan_glb import placed_parts, write_scan_glb
 from handpipe.hand.exports.textured_scan import read_textured
-from handpipe.mesh.files import texture_files
-from handpipe.mesh.surfaces import Surface, read_scan
+from handpipe.mesh.files import read_scan, texture_files
+from handpipe.mesh.surfaces import Surface
 
 LENGTH, RADIUS, BEND = 60.0, 10.0, 40.0  # mm; the bend is that of the tube's middle line
 

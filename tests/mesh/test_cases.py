@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from handpipe.core.errors import InputError
-from handpipe.mesh.surfaces.scan import read_scan
-from handpipe.mesh.surfaces.surface import Surface, concatenate, read_surface, write_surface
+from handpipe.mesh.files import read_scan, read_surface, write_surface
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 DIALECTS = sorted((CASES / "ply-dialects").glob("*.[po][lb][yj]"))

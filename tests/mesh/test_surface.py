@@ -3,14 +3,8 @@ import pytest
 
 from handpipe.core.errors import InputError
 from handpipe.core.rigid import RigidTransform
-from handpipe.mesh.surfaces.surface import (
-    Surface,
-    concatenate,
-    each_moved,
-    read_surface,
-    require_closed,
-    write_surface,
-)
+from handpipe.mesh.files import read_surface, write_surface
+from handpipe.mesh.surfaces.surface import Surface, concatenate, each_moved, require_closed
 
 from .shapes import box, sphere
 

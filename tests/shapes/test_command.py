@@ -15,9 +15,10 @@ from handpipe.core import artifacts, metrics
 from handpipe.core.errors import InputError
 from handpipe.imaging.evidence.markers import read_markers, write_markers
 from handpipe.imaging.volumes.volume import Volume, write_volume
+from handpipe.mesh.files import read_surface
 from handpipe.mesh.generation.meshing import tetrahedralise
 from handpipe.mesh.generation.remeshing import remesh
-from handpipe.mesh.surfaces.surface import Surface, read_surface
+from handpipe.mesh.surfaces.surface import Surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.__main__ import main
 from handpipe.shapes.observations.marks import Pairs

@@ -6,7 +6,8 @@ from benchmarks.scans.alignment import bent, displaced, finger_scan, settled
 
 from handpipe.core import InputError, metrics
 from handpipe.core.configuration import Dataset, load_dataset
-from handpipe.mesh.surfaces import Distance, Surface, read_scan, write_surface
+from handpipe.mesh.files import read_scan, write_surface
+from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.skeleton.align_scan import Inputs, Outputs, align_scan
 from handpipe.synthetic.phantom.phantom_finger import finger, generate_pose, posture

@@ -12,7 +12,7 @@ from handpipe.core.configuration.dataset import load_dataset
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.segmentation import propose_solids
 from handpipe.imaging.volumes import Volume, pose_volume, read_labels
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 from handpipe.skeleton.localisation import BrightSolid, SolidShape, TemplateHand, find_solids, name_solids
 from handpipe.skeleton.localisation.hand_layout import Placed, Similarity
 from handpipe.skeleton.localisation.named_solids import ImageSolids, JointGap, Naming

@@ -18,7 +18,8 @@ from benchmarks.images.chain.subject import posed
 from handpipe.core import Array, RigidTransform, artifacts
 from handpipe.evaluation import surface_distance
 from handpipe.imaging.volumes import read_volume
-from handpipe.mesh.surfaces import Surface, read_scan
+from handpipe.mesh.files import read_scan
+from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones import read_registrations, read_surfaces
 from handpipe.stages.muscles.muscle_files import read_bodies
 from handpipe.tissues.tendons.fitting import centreline_errors

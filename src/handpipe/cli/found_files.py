@@ -8,7 +8,7 @@ from pathlib import Path
 
 from handpipe.core import InputError
 from handpipe.imaging.volumes import holds_background
-from handpipe.mesh.surfaces import SURFACE_SUFFIXES
+from handpipe.mesh.files import SURFACE_SUFFIXES
 
 SEGMENTATION = ".seg.nrrd"
 VOLUMES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from handpipe.core import HandpipeError
 from handpipe.imaging.volumes import read_volume
-from handpipe.mesh.surfaces import read_scan
+from handpipe.mesh.files import read_scan
 from handpipe.skeleton.scan_alignment import ScanPlace, place_of_scan
 
 ALIKE = "as the other scans are in a frame of their own"

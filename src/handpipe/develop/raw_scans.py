@@ -23,7 +23,8 @@ from handpipe.core import Array, InputError, Parser, RigidTransform, run
 from handpipe.core.configuration import Dataset, load_dataset
 from handpipe.imaging.segmentation import BACKGROUND
 from handpipe.imaging.volumes import Volume, read_labels, read_volume, write_segments
-from handpipe.mesh.surfaces import Surface, read_surface, write_surface
+from handpipe.mesh.files import read_surface, write_surface
+from handpipe.mesh.surfaces import Surface
 
 TILT = RigidTransform(
     Rotation.from_rotvec([14.0, -9.0, 21.0], degrees=True).as_matrix(), np.array([31.0, -52.0, 640.0])

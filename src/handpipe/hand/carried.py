@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, Metrics, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import read_markers
-from handpipe.mesh.surfaces import Biharmonic, Surface, read_surface
+from handpipe.mesh.files import read_surface
+from handpipe.mesh.surfaces import Biharmonic, Surface
 from handpipe.tissues.muscles.fitting import BoneWarp, Rival, through_points
 
 KIND = "carried_template"

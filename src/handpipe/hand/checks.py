@@ -25,7 +25,8 @@ from handpipe.imaging.volumes import (
     require_points_in_image,
     require_scan_in_image,
 )
-from handpipe.mesh.surfaces import Surface, read_scan, read_surface
+from handpipe.mesh.files import read_scan, read_surface
+from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.muscles.fitting import read_attachments, require_near_bones
 
 log = logging.getLogger(__name__)

@@ -10,7 +10,8 @@ import numpy as np
 
 from handpipe.core import Array, IntArray, Metrics, RigidTransform, Shapes
 from handpipe.evaluation import surface_distance
-from handpipe.mesh.surfaces import Surface, read_scan
+from handpipe.mesh.files import read_scan
+from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.truth import true_pose
 from handpipe.tissues.fat import Skin

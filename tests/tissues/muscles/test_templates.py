@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.shipped import HAND
 from handpipe.core.errors import InputError
+from handpipe.mesh.files import read_surface
 from handpipe.mesh.generation import remesh
 from handpipe.mesh.surfaces.distance import surface_errors
-from handpipe.mesh.surfaces.surface import Surface, read_surface
+from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.phantom import phantom_bones
 from handpipe.tissues.muscles.fitting.attachment_files import read_attachments
 from handpipe.tissues.muscles.fitting.template_bones import fit_similarity, register_bones

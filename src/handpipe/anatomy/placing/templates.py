@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import InputError
-from handpipe.mesh.surfaces import SURFACE_SUFFIXES, Surface, read_surface
+from handpipe.mesh.files import SURFACE_SUFFIXES, read_surface
+from handpipe.mesh.surfaces import Surface
 
 ROD = "rod"
 AROUND, ALONG = 20, 24  # vertices of a ring of the rod, and its rings

@@ -20,7 +20,7 @@ from handpipe.anatomy.shipped.template_files import HAND, PLACES, POSES, SIDE, S
 from handpipe.core import Array
 from handpipe.core.configuration import joint_order
 from handpipe.imaging.evidence import read_markers
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 
 
 @dataclass(frozen=True, eq=False)

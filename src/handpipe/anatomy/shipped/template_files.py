@@ -17,7 +17,8 @@ from handpipe.anatomy.shipped.part import part_of
 from handpipe.core import Array, InputError, IntArray, read_text, write_text
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import read_markers, write_markers
-from handpipe.mesh.surfaces import Distance, Surface, read_surface, write_surface
+from handpipe.mesh.files import read_surface, write_surface
+from handpipe.mesh.surfaces import Distance, Surface
 
 HAND = Path(__file__).with_name("hand")  # the template that is shipped
 FIELDS = "fields.json"

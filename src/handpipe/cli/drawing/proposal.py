@@ -11,7 +11,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.segmentation import propose_solids
 from handpipe.imaging.volumes import Volume, pose_volume
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 from handpipe.skeleton.localisation import Named, TemplateHand, find_solids, name_solids
 
 FINGERS = 3  # at least: fewer do not tell which is which

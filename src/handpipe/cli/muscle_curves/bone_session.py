@@ -27,7 +27,8 @@ from handpipe.cli.muscle_curves.session import copied_beside, curves_command, re
 from handpipe.cli.own_files import written_anew
 from handpipe.core import InputError
 from handpipe.core.configuration import checked
-from handpipe.mesh.surfaces import Surface, read_surface, write_surface
+from handpipe.mesh.files import read_surface, write_surface
+from handpipe.mesh.surfaces import Surface
 
 
 class BoneSession:

@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from handpipe.core import InputError, write_text
-from handpipe.mesh.surfaces import write_surface
+from handpipe.mesh.files import write_surface
 from handpipe.synthetic.geometry import leg_surfaces
 
 CURVES = "leg.yaml"

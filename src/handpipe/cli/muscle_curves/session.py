@@ -39,7 +39,8 @@ from handpipe.core import InputError, evenly, write_text
 from handpipe.core.configuration import Name, checked
 from handpipe.fem.elements import Material
 from handpipe.fem.linear import factorise
-from handpipe.mesh.surfaces import SURFACE_SUFFIXES, Surface, read_surface, write_surface
+from handpipe.mesh.files import SURFACE_SUFFIXES, read_surface, write_surface
+from handpipe.mesh.surfaces import Surface
 from handpipe.shapes.optimisation import MUSCLE
 from handpipe.tissues.fat import TissueSettings
 from handpipe.tissues.ligaments import LIGAMENT

@@ -26,17 +26,15 @@ if TYPE_CHECKING:
     from handpipe.mesh.surfaces.hull import convex_hull
     from handpipe.mesh.surfaces.moving import BodyDistances, same_values
     from handpipe.mesh.surfaces.planes import WaysBack, astray, touching_planes
-    from handpipe.mesh.surfaces.scan import read_scan
     from handpipe.mesh.surfaces.smoothing import averaging, delta_mush, taubin
     from handpipe.mesh.surfaces.surface import (
-        SURFACE_SUFFIXES,
         Surface,
         component_labels,
         concatenate,
         directed_edges,
         each_moved,
-        read_surface,
-        write_surface,
+        place_in_words,
+        require_closed,
     )
 else:
     __getattr__ = face(__name__)
@@ -44,7 +42,6 @@ else:
 __all__ = [
     "EDGE",
     "FACE",
-    "SURFACE_SUFFIXES",
     "Anchors",
     "Biharmonic",
     "BodyDistances",
@@ -67,13 +64,12 @@ __all__ = [
     "each_moved",
     "left_out",
     "nearest_feature",
-    "read_scan",
-    "read_surface",
+    "place_in_words",
+    "require_closed",
     "resample",
     "same_values",
     "sample_points",
     "tangents",
     "taubin",
     "touching_planes",
-    "write_surface",
 ]

@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from handpipe.core import InputError, IntArray
-from handpipe.mesh.surfaces.surface import METRES, MICROMETRES
+from handpipe.mesh.files import METRES, MICROMETRES
 from handpipe.mesh.tets.operators import tet_neighbours, tet_pieces
 from handpipe.mesh.tets.tetrahedra import FACES, TetMesh
 

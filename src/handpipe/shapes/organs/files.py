@@ -11,7 +11,8 @@ import numpy as np
 from handpipe.core import InputError, artifacts, metrics
 from handpipe.fem.elements import plasticity
 from handpipe.imaging.evidence import read_landmarks
-from handpipe.mesh.surfaces import Surface, write_surface
+from handpipe.mesh.files import write_surface
+from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh, read_tets
 from handpipe.shapes.observations.marks import Pairs
 from handpipe.shapes.organs.organ import OrganFit

@@ -25,7 +25,8 @@ from handpipe.hand.deviations import (
     scanned_covariances,
 )
 from handpipe.imaging.volumes import pose_volume
-from handpipe.mesh.surfaces import Surface, read_scan
+from handpipe.mesh.files import read_scan
+from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones import read_registrations
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files

@@ -23,7 +23,8 @@ from handpipe.evaluation import (
 )
 from handpipe.hand import StoredFrames, read_frames
 from handpipe.imaging.volumes import pose_volume
-from handpipe.mesh.surfaces import Surface, read_scan
+from handpipe.mesh.files import read_scan
+from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.truth import surfaces_in, true_pose

@@ -11,7 +11,7 @@ from handpipe.core import Array, InputError, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.hand import CarriedTemplate
 from handpipe.imaging.evidence import read_landmarks
-from handpipe.mesh.surfaces import read_surface
+from handpipe.mesh.files import read_surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.tissues.muscles.fitting import BoneWarp, place, read_attachments, require_near_bones

@@ -12,7 +12,8 @@ from handpipe.core import InputError, Metrics, metrics
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.skin import PosedBones, VolumeSkin, skin_of_volume
 from handpipe.imaging.volumes import pose_volume
-from handpipe.mesh.surfaces import each_moved, read_scan, write_surface
+from handpipe.mesh.files import read_scan, write_surface
+from handpipe.mesh.surfaces import each_moved
 from handpipe.skeleton import scan_alignment
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.scan_alignment import Alignment, ImageSkin, require_same_hand, require_same_size

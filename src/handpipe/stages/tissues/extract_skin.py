@@ -10,7 +10,8 @@ from handpipe.core import InputError, RigidTransform, metrics
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.skin import PosedBones, VolumeSkin, skin_of_volume
 from handpipe.imaging.volumes import pose_volume
-from handpipe.mesh.surfaces import each_moved, read_scan, write_surface
+from handpipe.mesh.files import read_scan, write_surface
+from handpipe.mesh.surfaces import each_moved
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 

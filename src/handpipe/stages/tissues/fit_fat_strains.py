@@ -8,7 +8,7 @@ from pathlib import Path
 from handpipe.core import artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.hand import figure_units, read_frames
-from handpipe.mesh.surfaces import read_scan
+from handpipe.mesh.files import read_scan
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.tissues.fat import FitSettings, Tissue, as_vector, fit_correction, fit_strains

@@ -11,7 +11,7 @@ import numpy as np
 
 from handpipe.core.configuration import Dataset
 from handpipe.hand import CarriedTemplate
-from handpipe.mesh.surfaces import read_scan, read_surface
+from handpipe.mesh.files import read_scan, read_surface
 from handpipe.stages.files import Files
 from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices, on_skin
 

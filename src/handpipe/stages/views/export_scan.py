@@ -12,7 +12,8 @@ from handpipe.core import Array
 from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import StoredFrames
 from handpipe.hand.exports import placed_parts, read_textured, write_scan_glb
-from handpipe.mesh.surfaces import Surface, delta_mush, read_scan
+from handpipe.mesh.files import read_scan
+from handpipe.mesh.surfaces import Surface, delta_mush
 from handpipe.skeleton.rig import Rig, hand_directions
 from handpipe.stages.files import Files
 

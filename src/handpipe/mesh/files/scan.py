@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import InputError
-from handpipe.mesh.surfaces.distance import Distance
-from handpipe.mesh.surfaces.surface import Surface, component_labels, concatenate, read_surface
+from handpipe.mesh.files.surface_files import read_surface
+from handpipe.mesh.surfaces import Distance, Surface, component_labels, concatenate
 
 log = logging.getLogger(__name__)
 
