@@ -30,8 +30,11 @@ def distance(points):
     return np.hypot(np.hypot(points[..., 1], points[..., 2]), points[..., 0] - along) - RADIUS
 
 
-def image(motion=None, dark=0.4, bright=1.0, seed=0):
-    """The bone, moved, with texture in it and a tendon on it; levels of marrow and of muscle."""
+def image(motion=None, dark=0.4, bright=1.0, seed=0, slid=0.0):
+    """The bone, moved, with texture in it and a tendon on it that has slid around it by an angle in deg.
+
+    dark, bright: levels of marrow and of muscle.
+    """
     motion = RigidTransform.identity() if motion is None else motion
     corners = motion(np.array(list(product(*zip(LOW, HIGH, strict=True)))))
     affine = np.diag([SPACING] * 3 + [1.0])
@@ -42,7 +45,8 @@ def image(motion=None, dark=0.4, bright=1.0, seed=0):
     away = distance(points)
     texture = np.cos(points @ WAVES.T + PHASES).mean(axis=1)
     value = bright + (dark - bright) * (0.5 - 0.5 * np.tanh(away / 0.5)) * (1 + 0.6 * texture)
-    tendon = np.hypot(points[:, 1] - 6.5, points[:, 2]) - 1.3
+    place = 6.5 * np.array([np.cos(np.radians(slid)), np.sin(np.radians(slid))])
+    tendon = np.hypot(*(points[:, 1:] - place).T) - 1.3
     value = np.where(away > 0, value * (0.55 + 0.45 * np.tanh(tendon / 0.5)), value)
     noise = 0.02 * np.random.default_rng(seed).standard_normal(len(value))
     return grid.like((value + noise).reshape(shape))
@@ -120,6 +124,14 @@ def test_contrast_that_turns_over_tells_the_roll_but_the_deviation_stays(bone) -
     found = refined(bone, image(MOTION, dark=1.0, bright=0.5, seed=1), start)
     assert errors(found)[0] < 1.0
     assert found.rotation_deviation > 0.999 * start.rotation_deviation
+
+
+def test_tissue_that_slides_on_the_bone_is_part_of_the_deviation(bone) -> None:
+    """The tendon takes the roll with it: the bone's own texture is weaker."""
+    found = refined(bone, image(MOTION, seed=1, slid=4.0), by_surfaces())
+    turn, _ = errors(found)
+    assert turn == pytest.approx(4.0, abs=1.0)
+    assert turn < 2 * found.rotation_deviation
 
 
 def test_unrelated_image_changes_nothing(bone, caplog) -> None:

@@ -85,11 +85,13 @@ class PoseImages:
             registration where the surfaces know its turn to half a degree, and where the images do not
             know it better by a quarter. Images of different contrast leave the deviation that the
             surfaces state; where both ways differ by more than this, the surfaces' transform is kept and
-            its covariance holds the difference.
+            its covariance holds the difference. The tissue on a bone slides: the covariance holds, too,
+            by how much else the image of the bone alone would turn it.
         """
         if found.rotation_deviation < KNOWN:
             return found
-        crop, region = self._region(bone)
+        crop, distance = self._region(bone)
+        region = np.isfinite(distance)
         if np.count_nonzero(region) < FEWEST:
             LOG.warning("%s: too few voxels to refine its registration by the images", bone)
             return found
@@ -108,12 +110,14 @@ class PoseImages:
         apart = _between(found.transform, transform, self._middle(bone))
         if self._is_far(bone, found, apart):
             return replace(found, covariance=found.covariance + np.outer(apart, apart))
+        slid = _slid(pair, distance < 0.0, transform)
+        turned = replace(turned, covariance=turned.covariance + np.outer(slid, slid))
         alike = pair.correlation(transform)
         if alike < ALIKE:
             turned = replace(turned, covariance=larger(found.covariance, turned.covariance))
         LOG.info(
-            "%s: turned by %.2f deg by the images, whose correlation is %.2f",
-            *(bone, np.degrees(np.linalg.norm(apart[:3])), alike),
+            "%s: turned by %.2f deg by the images, correlation %.2f; the bone alone by %.2f deg else",
+            *(bone, np.degrees(np.linalg.norm(apart[:3])), alike, np.degrees(np.linalg.norm(slid))),
         )
         return turned
 
@@ -190,7 +194,8 @@ class PoseImages:
         """Voxels of the bones that have enough of them, an even share of those of a large bone."""
         compared = {}
         for bone, one in found.items():
-            crop, region = self._region(bone)
+            crop, distance = self._region(bone)
+            region = np.isfinite(distance)
             if np.count_nonzero(region) < FEWEST:
                 continue
             middle = self._middle(bone)
@@ -204,19 +209,24 @@ class PoseImages:
     def _middle(self, bone: str) -> Array:
         return np.asarray(self.bones[bone].vertices.mean(axis=0), float)
 
-    def _region(self, bone: str) -> tuple[Volume, BoolArray]:
-        """The neutral image around a bone, and the voxels in it and on it that no other bone has."""
+    def _region(self, bone: str) -> tuple[Volume, Array]:
+        """The neutral image around a bone, and its voxels' distances from it in mm.
+
+        They are negative within the bone, and infinite far from it and where another bone is.
+        """
         corners = self.neutral.to_index(_corners(self.bones[bone].vertices))
         margin = int(AROUND) + RIM
         lower = np.maximum(np.floor(corners.min(axis=0)).astype(int) - margin, 0)
         upper = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + margin + 1, self.neutral.shape)
         crop = self.neutral.crop(lower, upper)
         points = crop.to_world(np.indices(crop.shape).reshape(3, -1).T)
-        inside = Distance(self.bones[bone]).signed(points)[0] < AROUND * crop.spacing.min()
+        distance = Distance(self.bones[bone]).signed(points)[0]
+        distance[distance >= AROUND * crop.spacing.min()] = np.inf
         for name, other in self.bones.items():
-            if name != bone and _near(other.vertices, points[inside]):
-                inside[inside] = Distance(other).signed(points[inside])[0] > 0
-        return crop, inside.reshape(crop.shape)
+            near = np.flatnonzero(np.isfinite(distance))
+            if name != bone and _near(other.vertices, points[near]):
+                distance[near[Distance(other).signed(points[near])[0] <= 0]] = np.inf
+        return crop, distance.reshape(crop.shape)
 
 
 @dataclass(frozen=True)
@@ -295,6 +305,14 @@ class _Pair:
     def correlation(self, transform: RigidTransform) -> float:
         """Correlation of both images' intensities in the region."""
         return float(np.corrcoef(self.neutral.values[self.region], self.warped(transform)[self.region])[0, 1])
+
+
+def _slid(pair: _Pair, bone: BoolArray, transform: RigidTransform) -> Array:
+    """Turn (6,) by which the voxels of the bone alone place it otherwise than with the tissue on it."""
+    if np.count_nonzero(bone) < FEWEST:
+        return np.zeros(6)
+    alone, _ = replace(pair, region=bone).aligned(transform)
+    return np.append(_between(transform, alone, pair.middle)[:3], np.zeros(3))
 
 
 def _turned(found: Registration, by_images: RigidTransform, covariance: Array, middle: Array) -> Registration:
