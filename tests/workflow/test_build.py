@@ -44,8 +44,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     folder = working_copy(tmp_path_factory.mktemp("finger") / "copy")
     given = folder / "config" / "finger.yaml"
-    text = given.read_text(encoding="utf-8")
-    given.write_text(text.replace("fidelity: standard", "fidelity: preview"), encoding="utf-8")
+    settings = yaml.safe_load(given.read_text(encoding="utf-8")) | {"fidelity": "preview"}
+    given.write_text(yaml.safe_dump(settings), encoding="utf-8")
     (folder / WATCHED).mkdir()
     process = run(folder, "-j2", "all", environment=watching(folder / WATCHED))
     assert process.returncode == 0, process.stdout[-5000:]

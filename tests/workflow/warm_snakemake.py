@@ -12,12 +12,12 @@ import re
 import sys
 from pathlib import Path
 
-SNAKEMAKE = ("cli", "dag", "report", "scheduling.job_scheduler")
-SCIENTIFIC = ("h5py", "igl", "numba", "scipy.interpolate", "scipy.optimize", "skimage.measure")
-FILES = ("meshio", "nibabel", "nrrd", "PIL.Image", "pydantic", "pydicom", "SimpleITK")
-OF_SNAKEMAKE = ("docutils", "jinja2", "nbformat", "requests", "rich.console", "smart_open", "yte")
-LIBRARIES = (*(f"snakemake.{part}" for part in SNAKEMAKE), *SCIENTIFIC, *FILES, *OF_SNAKEMAKE)
-
+LIBRARIES = (
+    "snakemake.cli", "snakemake.dag", "snakemake.report", "snakemake.scheduling.job_scheduler",
+    "docutils", "h5py", "igl", "jinja2", "meshio", "nbformat", "nibabel", "nrrd", "numba", "PIL.Image",
+    "pydantic", "pydicom", "requests", "rich.console", "scipy.interpolate", "scipy.optimize", "SimpleITK",
+    "skimage.measure", "smart_open", "yte",
+)  # fmt: skip
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 FROM_PACKAGE = re.compile(r"^\s*from (handpipe[\w.]*) import (\w.*)$", re.MULTILINE)
 

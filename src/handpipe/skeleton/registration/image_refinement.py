@@ -85,8 +85,8 @@ class PoseImages:
             registration where the surfaces know its turn to half a degree, and where the images do not
             know it better by a quarter. Images of different contrast leave the deviation that the
             surfaces state; where both ways differ by more than this, the surfaces' transform is kept and
-            its covariance holds the difference. The tissue on a bone slides: the covariance holds, too,
-            by how much else the image of the bone alone would turn it.
+            its covariance holds the difference. Tissue slides on a bone: the covariance also holds how far
+            the turn differs from that of the bone's own voxels.
         """
         if found.rotation_deviation < KNOWN:
             return found
@@ -116,7 +116,7 @@ class PoseImages:
         if alike < ALIKE:
             turned = replace(turned, covariance=larger(found.covariance, turned.covariance))
         LOG.info(
-            "%s: turned by %.2f deg by the images, correlation %.2f; the bone alone by %.2f deg else",
+            "%s: turned by %.2f deg by the images, correlation %.2f; its own voxels differ by %.2f deg",
             *(bone, np.degrees(np.linalg.norm(apart[:3])), alike, np.degrees(np.linalg.norm(slid))),
         )
         return turned
@@ -308,7 +308,10 @@ class _Pair:
 
 
 def _slid(pair: _Pair, bone: BoolArray, transform: RigidTransform) -> Array:
-    """Turn (6,) by which the voxels of the bone alone place it otherwise than with the tissue on it."""
+    """How the bone's own voxels turn it (6,) beyond a transform found with the tissue on it.
+
+    Zero where they are too few to tell.
+    """
     if np.count_nonzero(bone) < FEWEST:
         return np.zeros(6)
     alone, _ = replace(pair, region=bone).aligned(transform)
