@@ -50,9 +50,10 @@ else echo "handpipe needs packages that are not installed, and this user may not
   echo "  apt-get update && apt-get install -y --no-install-recommends $(PACKAGES)"; exit 1; fi
 endef
 
-# Test files side by side, one thread each: at most four processes, so that memory suffices.
+# Test files side by side, one thread each: one process more than there are cores, since workflows and browsers are
+# waited for a quarter of the time, but at most four, so that memory suffices.
 PYTEST := env OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
-  $(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
+  $(BIN)/python -m pytest -n $(shell $(PYTHON) -c 'import os; print(min(os.cpu_count() + 1, 4))') --dist loadfile
 
 test: setup
 	$(PYTEST)

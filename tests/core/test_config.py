@@ -115,6 +115,28 @@ def test_a_link_out_of_the_results_is_refused(tmp_path, monkeypatch, content):
         load_dataset(written(tmp_path, content))
 
 
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [
+        ("truth", r"truth\.folder: is truth, which leads out"),
+        ("seeds", r"poses\.\w+\.seeds: is seeds/"),
+        ("flexor2.json", r"tendons\.flexor2\.path: is flexor2\.json"),
+    ],
+)
+def test_a_link_out_of_the_own_folder_is_refused(tmp_path, monkeypatch, content, name, field):
+    """A folder of files, a folder that is itself given, and a file."""
+    monkeypatch.chdir(tmp_path)
+    content["root"] = "results/subject/data"
+    content["truth"] = {"folder": "truth"}
+    content["poses"]["hook"]["seeds"] = "seeds/hook.nii.gz"
+    content["tendons"]["flexor2"]["path"] = "flexor2.json"
+    (tmp_path / "results/subject/data").mkdir(parents=True)
+    assert load_dataset(written(tmp_path, content)).generator
+    (tmp_path / "results/subject/data" / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=field):
+        load_dataset(written(tmp_path, content))
+
+
 def test_a_key_that_stands_twice_is_refused(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text("layers: [bones]\nframes: a.csv\nframes: b.csv\n")

@@ -5,6 +5,7 @@ the workflow takes from the package under test, once and forks for each call. Ca
 are exit statuses.
 """
 
+import gc
 import importlib
 import json
 import os
@@ -48,6 +49,7 @@ def call(folder: str, arguments: list[str], said: str) -> None:
 def serve() -> None:
     """Answer calls until there are no more."""
     import_all()
+    gc.freeze()  # calls need not look through what is imported
     for line in sys.stdin:
         process = os.fork()
         if process == 0:

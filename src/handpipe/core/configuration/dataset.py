@@ -258,13 +258,18 @@ def load_dataset(path: str | Path) -> Dataset:
 
 def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
     """Refuse a generator that would write outside the subject's own folder of results."""
-    folder = Path("results") / Path(path).stem
-    if not dataset.root.resolve().is_relative_to(folder.resolve()):
-        problem = f"is {dataset.root}, but what is generated stays under {folder}"
-        raise InputError(path, "root", problem, f"Write {folder}/data")
+    own, root = Path("results") / Path(path).stem, dataset.root.resolve()
+    if not root.is_relative_to(own.resolve()):
+        problem = f"is {dataset.root}, but what is generated stays under {own}"
+        raise InputError(path, "root", problem, f"Write {own}/data")
+    inside: dict[Path, bool] = {}  # hundreds of files lie in a few folders
     written = dataset.model_dump(exclude={"root", "anatomy", "limb"}, exclude_none=True)
     for field, relative in _paths(written):
-        if not dataset.path(relative).resolve().is_relative_to(dataset.root.resolve()):
+        target = dataset.path(relative)
+        place = target if target.name == ".." or target.is_symlink() else target.parent
+        if place not in inside:
+            inside[place] = place.resolve().is_relative_to(root)
+        if not inside[place]:
             problem = f"is {relative}, which leads out of {dataset.root}"
             raise InputError(path, field, problem, "Give a path inside of root")
 
