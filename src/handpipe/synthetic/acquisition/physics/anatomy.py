@@ -22,7 +22,7 @@ class ImagedAnatomy:
     layers : iterable of (str, array (nx, ny, nz))
         Tissues in paint order with their shares of each voxel; the first one fills the skin.
     bones : sequence of (array (n, 3), array (k, 3))
-        Closed surfaces of the whole bones in mm.
+        Closed surfaces of the whole bones in mm, with the same vertices in every pose.
     palm : array (3,)
         Direction from the back of the hand to its palm.
     """

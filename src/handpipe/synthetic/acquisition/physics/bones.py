@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from handpipe.core import Array
-from handpipe.synthetic.acquisition.image import Surface, VoxelGrid, local_distance
+from handpipe.synthetic.acquisition.image import Surface, VoxelGrid, local_distance, local_occupancy
 from handpipe.synthetic.acquisition.physics.anatomy import Layer
-from handpipe.synthetic.acquisition.physics.fields import Field, smooth
+from handpipe.synthetic.acquisition.physics.fields import Field
 
 CARTILAGE = 0.8  # mm on each bone
 TRABECULA = 0.7  # mm, the texture's scale
 SHAFT = 0.15  # of the trabecular tissue at a bone's ends
+SPREAD = (151.0 / 315.0) ** 1.5  # of cubic B-splines with coefficients of unit variance
 
 
 def joint_layers(bones: Sequence[Surface], grid: VoxelGrid, width: float) -> Iterator[Layer]:
@@ -35,27 +37,44 @@ def joint_layers(bones: Sequence[Surface], grid: VoxelGrid, width: float) -> Ite
 def trabecular_share(
     marrow: Field, bones: Sequence[Surface], grid: VoxelGrid, most: float, rng: np.random.Generator
 ) -> Field:
-    """Share of trabecular tissue in marrow (nx, ny, nz): `most` on average at the ends of bones."""
+    """Share of trabecular tissue in marrow (nx, ny, nz): `most` on average at the ends of bones.
+
+    Its texture moves with each bone: that of a stream is the same in every pose, where a bone's vertices are.
+    """
     share = np.zeros(grid.shape, np.float32)
-    for points, _ in bones:
-        low = np.clip(np.floor(grid.indices(points.min(axis=0))).astype(int), 0, grid.shape)
-        high = np.clip(np.ceil(grid.indices(points.max(axis=0))).astype(int) + 1, 0, grid.shape)
-        block = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-        share[block] = np.maximum(share[block], _ends(points, grid, low, high))
-    texture = smooth(grid, (TRABECULA,) * 3, rng)
-    share *= most * (1.0 + 0.6 * texture)
+    for bone, stream in zip(bones, rng.spawn(len(bones)), strict=True):
+        for block, inside in local_occupancy(bone, grid):
+            voxels = np.argwhere(inside > 0.0) + [s.start for s in block]
+            at = grid.origin + grid.spacing * voxels
+            found = most * _ends(bone[0], at) * (1.0 + 0.6 * _texture(bone[0], at, stream))
+            place = tuple(voxels.T)
+            share[place] = np.maximum(share[place], found)
     return marrow * np.clip(share, 0.0, 1.0)
 
 
-def _ends(points: Array, grid: VoxelGrid, low: Array, high: Array) -> Field:
-    """From `SHAFT` in the middle to 1 at the ends of a bone of points (n, 3), in a block of voxels.
-
-    0 beyond the bone's box along its axes.
-    """
+def _ends(points: Array, at: Array) -> Array:
+    """From `SHAFT` in the middle to 1 at the ends of a bone of points (n, 3), at places (m, 3) in it."""
     middle = points.mean(axis=0)
-    axes = np.linalg.svd(points - middle, full_matrices=False)[2]
-    reach = np.abs((points - middle) @ axes.T).max(axis=0)
-    at = np.stack(np.meshgrid(*map(np.arange, low, high), indexing="ij"), axis=-1) * grid.spacing
-    local = np.abs((at + grid.origin - middle) @ axes.T) / reach
-    rise = np.clip((local[..., 0] - 0.4) / 0.4, 0.0, 1.0)
-    return ((SHAFT + (1.0 - SHAFT) * rise) * (local <= 1.05).all(axis=-1)).astype(np.float32)
+    [long, *_] = np.linalg.svd(points - middle, full_matrices=False)[2]
+    along = np.abs((at - middle) @ long) / np.abs((points - middle) @ long).max()
+    return SHAFT + (1.0 - SHAFT) * np.clip((along - 0.4) / 0.4, 0.0, 1.0)
+
+
+def _texture(points: Array, at: Array, rng: np.random.Generator) -> Array:
+    """A random function of unit variance that moves with a bone's points (n, 3), at places (m, 3)."""
+    middle, axes = points.mean(axis=0), _axes(points)
+    own = (points - middle) @ axes.T / TRABECULA
+    low, high = np.floor(own.min(axis=0)) - 2.0, np.ceil(own.max(axis=0)) + 2.0
+    coefficients = rng.standard_normal((high - low).astype(int) + 1) / SPREAD
+    places = (at - middle) @ axes.T / TRABECULA - low
+    return map_coordinates(coefficients, places.T, order=3, prefilter=False)
+
+
+def _axes(points: Array) -> Array:
+    """Right-handed axes (3, 3), one a row, that turn with points (n, 3), however symmetric these are."""
+    weights = np.random.default_rng(0).standard_normal((2, len(points)))
+    first, second = weights @ (points - points.mean(axis=0))
+    first /= np.linalg.norm(first)
+    second -= first * (first @ second)
+    second /= np.linalg.norm(second)
+    return np.stack([first, second, np.cross(first, second)])

@@ -38,7 +38,8 @@ def scan(
     effects : Effects
         Structures and artefacts, and how strong they are.
     seed : sequence of int
-        Seed of all random numbers. Each effect has its own stream.
+        Seed of all random numbers. Each effect has its own stream. The first number is the subject's: what
+        moves with its bones is drawn from it alone.
 
     Returns
     -------

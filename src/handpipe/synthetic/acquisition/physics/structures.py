@@ -31,5 +31,5 @@ def detailed(anatomy: ImagedAnatomy, grid: VoxelGrid, effects: Effects, streams:
             for streak, lengths in (("fat", FASCICLES), ("fascia", SEPTA_IN_MUSCLE)):
                 yield streak, share * sheet(vanishing(grid, lengths, rng), thickness, grid.spacing)
         elif tissue == "marrow" and (most := effects.size("trabeculae")):
-            rng = streams.stream("trabeculae")
+            rng = streams.of_subject("trabeculae")
             yield "trabeculae", trabecular_share(share, anatomy.bones, grid, most, rng)
