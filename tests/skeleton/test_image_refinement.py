@@ -150,3 +150,34 @@ def test_place_far_from_the_surfaces_is_not_taken_but_stated(bone, caplog) -> No
     assert found.transform is start.transform
     assert found.rotation_deviation == pytest.approx(5.0, abs=0.5)
     assert "which is kept" in caplog.text
+
+
+def half_turned(found):
+    """The same turned by half a turn about the bone's long axis."""
+    half = RigidTransform(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    return Registration(found.transform @ half, found.rms, found.covariance)
+
+
+def chosen(bone, target, places):
+    return PoseImages(bone[0], target, {"bone": bone[1]}).chosen("bone", places)
+
+
+@pytest.mark.parametrize("slid", [0.0, 20.0])
+def test_images_choose_the_place_that_they_show(bone, slid) -> None:
+    target, right = image(MOTION, seed=1, slid=slid), by_surfaces()
+    assert chosen(bone, target, [right, half_turned(right)]) == 0
+    assert chosen(bone, target, [half_turned(right), right]) == 1
+    assert chosen(bone, target, [half_turned(right), right, by_surfaces(turn=-STATED)]) in (1, 2)
+
+
+def test_an_image_that_shows_neither_place_chooses_none(bone) -> None:
+    target, right = image(MOTION), by_surfaces()
+    noise = np.random.default_rng(3).standard_normal(target.shape)
+    assert chosen(bone, target.like(target.values + 2.0 * noise), [right, half_turned(right)]) is None
+    assert chosen(bone, target.like(noise), [right, half_turned(right)]) is None
+
+
+def test_two_wrong_places_are_not_chosen_from(bone) -> None:
+    """Quarter turns show as little of neutral's texture as one another."""
+    quarter = [by_surfaces(turn=90.0), by_surfaces(turn=-90.0)]
+    assert chosen(bone, image(MOTION, seed=1), quarter) is None

@@ -14,10 +14,11 @@ import numpy as np
 
 from handpipe.core.configuration import Joint
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.bones.registration_result import Registration, loosest_turn
 from handpipe.skeleton.joints.axes import Axes, orthogonal_hints
 from handpipe.skeleton.joints.hinted_axes import beyond_hints
 
+LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
 RESIDUAL = 3.0  # times the median residual of the pose's bones
 LEAST_RESIDUAL = 0.12  # mm; below, no residual is odd
 GAP = 4.0  # mm by which a joint may open against neutral
@@ -45,10 +46,20 @@ def doubted(
     dict of str to Registration
         The same registrations; `doubt` is empty for those that are trusted.
     """
-    reasons = odd_residuals(found) | {b: r.doubt for b, r in found.items() if r.doubt}
+    reasons = loose_turns(found, neutral) | odd_residuals(found)
+    reasons |= {b: r.doubt for b, r in found.items() if r.doubt}
     trusted = {b: r for b, r in found.items() if b not in reasons}
     reasons |= odd_joints(trusted, neutral, joints)
     return {b: replace(r, doubt=reasons.get(b, "")) for b, r in found.items()}
+
+
+def loose_turns(found: Mapping[str, Registration], neutral: Mapping[str, Surface]) -> dict[str, str]:
+    """Bones whose turn nothing tells, surfaces as little as images, with the reason."""
+    return {
+        b: f"its image hardly tells {loosest_turn(r, neutral[b])}"
+        for b, r in found.items()
+        if r.rotation_deviation > LOOSE
+    }
 
 
 def odd_residuals(found: Mapping[str, Registration]) -> dict[str, str]:

@@ -7,7 +7,7 @@ image within the bone and on it tells more: texture, vessels, the cortex's thick
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -38,6 +38,8 @@ RIM = 5  # voxels around the region that gradients and splines need
 FEWEST = 300  # voxels of a region
 ITERATIONS = 30  # steps at most
 STILL = 1e-5  # rad, and mm
+CLEARLY = 2 / 3  # of what another place leaves unexplained of the edges' directions: images tell them apart
+APART = np.radians(15.0)  # turns closer than this are one place
 RELATED = 0.5  # cosine of the edges' directions; a foot's echoes of unlike contrast have more
 ALIKE = 0.9  # correlation of intensities in the region, from which on the images show one contrast
 SPREAD = 3.0  # times the patches' spread: errors of one foot's images by what patches state
@@ -68,6 +70,36 @@ class PoseImages:
     target: Volume
     bones: Mapping[str, Surface]
 
+    def chosen(self, bone: str, places: Sequence[Registration]) -> int | None:
+        """Which of several places of a bone the images show.
+
+        Parameters
+        ----------
+        bone : str
+            Name of the bone.
+        places : sequence of Registration
+            Places that fit its surfaces nearly as well, such as half a turn about its long axis.
+
+        Returns
+        -------
+        int or None
+            The number of the one where edges agree best with neutral's, after a refinement by the images.
+            None where they have little in common, or where another place far from it leaves less than half
+            as much again unexplained.
+        """
+        crop, distance = self._region(bone)
+        region = np.isfinite(distance)
+        if np.count_nonzero(region) < FEWEST:
+            return None
+        pair = _Pair.build(crop, region, self.target, [p.transform for p in places], self._middle(bone))
+        ends = [pair.aligned(place.transform)[0] for place in places]
+        related = np.array([pair.related(end) for end in ends])
+        best = int(related.argmax())
+        others = [r for r, end in zip(related, ends, strict=True) if end.angle_to(ends[best]) > APART]
+        LOG.info("%s: edges at its places agree by %s", bone, np.round(related, 3))
+        clear = all(1 - related[best] < CLEARLY * (1 - other) for other in others)
+        return best if related[best] > RELATED and clear else None
+
     def refined(self, bone: str, found: Registration) -> Registration:
         """A bone's registration by its surfaces, its turn refined by the images.
 
@@ -95,7 +127,7 @@ class PoseImages:
         if np.count_nonzero(region) < FEWEST:
             LOG.warning("%s: too few voxels to refine its registration by the images", bone)
             return found
-        pair = _Pair.build(crop, region, self.target, found.transform, self._middle(bone))
+        pair = _Pair.build(crop, region, self.target, [found.transform], self._middle(bone))
         transform, covariance = pair.aligned(found.transform)
         related = pair.related(transform)
         if related < RELATED:
@@ -199,7 +231,7 @@ class PoseImages:
             if np.count_nonzero(region) < FEWEST:
                 continue
             middle = self._middle(bone)
-            pair = _Pair.build(crop, region, self.target, one.transform, middle)
+            pair = _Pair.build(crop, region, self.target, [one.transform], middle)
             voxels = np.argwhere(region)
             voxels = voxels[evenly(len(voxels), MOST)]
             values = crop.values[tuple(voxels.T)].astype(float)
@@ -252,10 +284,11 @@ class _Pair:
 
     @staticmethod
     def build(
-        neutral: Volume, region: BoolArray, target: Volume, start: RigidTransform, middle: Array
+        neutral: Volume, region: BoolArray, target: Volume, starts: Sequence[RigidTransform], middle: Array
     ) -> _Pair:
+        """The pair for a search from each of the starts."""
         grid = neutral.to_world(np.array(list(product(*((0, n - 1) for n in neutral.shape)))))
-        there = target.to_index(start(grid))
+        there = target.to_index(np.concatenate([start(grid) for start in starts]))
         lower = np.maximum(np.floor(there.min(axis=0)).astype(int) - RIM, 0)
         upper = np.maximum(np.ceil(there.max(axis=0)).astype(int) + RIM, lower + 1)
         crop = target.crop(lower, upper)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -41,7 +42,8 @@ def register_pose(
     target : mapping of str to Surface
         Marrow surfaces in the pose in mm by bone.
     images : PoseImages, optional
-        Images of both poses, which refine each bone's registration.
+        Images of both poses, which choose between places that fit a bone nearly as well, and refine each
+        bone's registration.
 
     Returns
     -------
@@ -67,7 +69,8 @@ def register_pose(
             before = parents.get(before)
         try:
             start = None if before is None else found[before].transform
-            found[bone] = register(neutral[bone], target[bone], start=start)
+            choose = None if images is None else partial(images.chosen, bone)
+            found[bone] = register(neutral[bone], target[bone], start=start, choose=choose)
         except ConvergenceError as error:
             LOG.warning("%s is left out: %s", bone, error)
             continue

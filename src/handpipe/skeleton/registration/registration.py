@@ -2,13 +2,13 @@
 
 Iterated closest points with distances to tangent planes, from many starts. Either surface may have parts that
 the other lacks: a bone cut off by the image, or grown together with its neighbour. The result has a
-covariance, and a doubt if the surfaces do not match or another place fits as well.
+covariance, and a doubt if the surfaces do not match or another place fits as well and images do not choose.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from handpipe.core import Array, ConvergenceError, RigidTransform
 from handpipe.imaging.volumes import Volume
 from handpipe.mesh.surfaces import Distance, Surface, sample_points
-from handpipe.skeleton.bones.registration_result import Registration, loosest_turn, rotation_uncertainty
+from handpipe.skeleton.bones.registration_result import Registration, rotation_uncertainty
 from handpipe.skeleton.registration.edge_refinement import refine_to_edges
 from handpipe.skeleton.registration.normal_equations import (
     FINEST,
@@ -39,11 +39,11 @@ WORST = 0.05  # the same, beyond which the surfaces are of different bones
 STILL = 1e-5  # rad, and mm per mm of the bone's size
 PROMISING = 20  # of many starts, those that a few steps bring nearest
 RIVALS = 4  # places that are followed to the end
+NEARLY = 1.5  # times the least residual, up to which images may choose another place
 APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
 LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4  # shares of the two surfaces below which a warning is due
 CERTAIN, OUTLYING = 5.0, 5.0  # standard deviations by which a rival has to fit worse; of an outlier
-LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
 ROUGH_ROUNDS, COARSE_ROUNDS, FINE_ROUNDS = 5, 15, 24  # of closest points, in the stages
 LAST_ROUNDS = 40  # at most
 
@@ -116,10 +116,12 @@ def register(
     *,
     volume: Volume | None = None,
     start: RigidTransform | Sequence[RigidTransform] | None = None,
+    choose: Callable[[Sequence[Registration]], int | None] | None = None,
 ) -> Registration:
     """Rigid transform that carries the neutral surface onto the target, of least residual over all starts.
 
     A target that lacks a part of the bone, or holds more than the bone, is registered by what both have.
+    Where places far apart leave nearly the same residual, what else is known may choose one.
 
     Parameters
     ----------
@@ -130,6 +132,9 @@ def register(
         shell.
     start : RigidTransform or sequence of RigidTransform, optional
         Initial guesses, such as the parent's transform; the principal axes give more.
+    choose : callable, optional
+        Chooses one of several places by its number, or None if it cannot tell; that of least residual comes
+        first.
 
     Returns
     -------
@@ -152,7 +157,16 @@ def register(
         raise ConvergenceError(
             "Registration", f"residual {found.rms:.2f} mm at a bone of size {pair.size:.1f} mm"
         )
-    found = replace(found, doubt=_doubt(pair, found) or _rival_doubt(pair, found, rivals[1:]))
+    within = NEARLY**2 * rivals[0][0] if choose is not None else 0.0
+    near = [place for score, place in rivals[1:] if score < within]
+    far = rivals[1 + len(near) :]
+    places = [found, *(_finish(pair, place) for place in near)]
+    chosen = choose(places) if choose is not None and near else None
+    if chosen is None:
+        found = replace(found, doubt=_doubt(found) or _rival_doubt(pair, found, rivals[1:]))
+    else:
+        found = places[chosen]
+        found = replace(found, doubt=_doubt(found) or _rival_doubt(pair, found, far))
     LOG.info(
         "registered: rms %.3f mm, uncertainty %s deg, %.0f %% covered%s",
         found.rms,
@@ -238,14 +252,12 @@ def _finish(pair: _Pair, transform: RigidTransform) -> Registration:
     )
 
 
-def _doubt(pair: _Pair, found: Registration) -> str:
+def _doubt(found: Registration) -> str:
     """What the match itself says against a registration; empty if nothing."""
     if found.covered < LEAST_COVERED:
         return f"{100 * found.covered:.0f} % of the bone is covered"
     if found.explained < LEAST_EXPLAINED:
         return f"{100 * (1 - found.explained):.0f} % of what was segmented is not the bone"
-    if found.rotation_deviation > LOOSE:
-        return f"its image hardly tells {loosest_turn(found, pair.neutral.surface)}"
     return ""
 
 
