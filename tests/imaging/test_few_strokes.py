@@ -141,7 +141,26 @@ def test_a_whole_bone_leaves_no_marrow_over_though_its_neighbour_beyond_a_joint_
     claimed = np.zeros(both.shape, np.float32)
     claimed[:last] = marrow[:last]
     look = appearances(both, {"bone": BoneProbability(np.zeros(3, np.int64), claimed)})["bone"]
-    assert look.unclaimed < 0.1 * look.volume
+    assert look.unclaimed < 0.03 * look.volume
+
+
+@pytest.mark.parametrize("side", [None, 3.0])
+def test_a_bone_that_lost_one_of_its_condyles_is_doubted_there(side) -> None:
+    """A shaft that is claimed, and a dim ball beside its end that is not: a twentieth of the marrow."""
+    x, y, z = np.indices((70, 60, 60)) * 0.5 - np.array([5.0, 15.0, 15.0])[:, None, None, None]
+    shaft = np.hypot(np.hypot(y, z), x - np.clip(x, 0.0, 20.0)) - 2.5
+    ball = np.inf if side is None else np.sqrt((x - 20.5) ** 2 + (y - side) ** 2 + z**2) - 2.2
+    marrow = np.minimum(shaft, ball)
+    values = np.where(marrow < 0.0, np.where(shaft < 0.0, 1.0, 0.55), np.where(marrow < 1.0, 0.05, 0.9))
+    claim = BoneProbability(np.zeros(3, np.int64), (shaft < 0.0).astype(np.float32))
+    volume = Volume(values.astype(np.float32), np.diag([0.5, 0.5, 0.5, 1.0]))
+    look = appearances(volume, {"bone": claim})["bone"]
+    if side is None:
+        assert look.unclaimed == 0.0 and look.doubts() == []
+    else:
+        assert 0.03 < look.unclaimed / look.volume < 0.08
+        assert np.linalg.norm(np.array(look.unclaimed_at) - [25.5, 18.0, 15.0]) < 2.0
+        assert any("look like marrow in the same shell" in doubt for doubt in look.doubts())
 
 
 def test_a_claim_of_few_voxels_is_doubted() -> None:

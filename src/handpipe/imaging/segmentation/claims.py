@@ -38,7 +38,8 @@ STAIRS = 2 / 3  # a ball's surface over that of its voxels
 OPEN_FACES = 9  # of voxels: a patch of boundary without a shell; right bones of 0.8 mm have up to 3
 UNDECIDED = 0.1  # of a bone's volume: a part that its strokes do not decide
 LEAST_VOLUME = 8.0  # mm^3 of marrow: a small distal phalanx has 20
-UNCLAIMED = 0.1  # of its volume that is left over within its shell
+UNCLAIMED = 0.03  # of its volume that is left over within its shell
+FEW_UNCLAIMED, MOST_UNCLAIMED = 10.0, 0.1  # mm^3 and of its volume, for bones of few voxels
 BEYOND = 30.0  # mm around a bone in which its other part is looked for: half of a metacarpal
 THIN = 4.0  # voxels across marrow: below, its Dice is 0.92 or less on generated bones, above 4.4 it is 0.94
 
@@ -247,7 +248,7 @@ class Appearance:
                 f"no dark shell closes {self.open_area:.0f} mm^2 of it about {_words(self.open_at)}: draw a "
                 "stroke of its label there if its marrow goes on, else one of the background"
             )
-        if self.unclaimed > UNCLAIMED * self.volume:
+        if self.unclaimed > min(max(UNCLAIMED * self.volume, FEW_UNCLAIMED), MOST_UNCLAIMED * self.volume):
             doubts.append(
                 f"{self.unclaimed:.0f} mm^3 about {_words(self.unclaimed_at)} look like marrow in the same "
                 "shell: draw a stroke of its label there"
