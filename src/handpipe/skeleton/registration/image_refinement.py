@@ -30,6 +30,7 @@ from handpipe.skeleton.registration.normal_equations import (
     robust_weights,
     solve,
 )
+from handpipe.skeleton.registration.registration import APART
 
 LOG = logging.getLogger(__name__)
 
@@ -39,7 +40,6 @@ FEWEST = 300  # voxels of a region
 ITERATIONS = 30  # steps at most
 STILL = 1e-5  # rad, and mm
 CLEARLY = 2 / 3  # of what another place leaves unexplained of the edges' directions: images tell them apart
-APART = np.radians(15.0)  # turns closer than this are one place
 RELATED = 0.5  # cosine of the edges' directions; a foot's echoes of unlike contrast have more
 ALIKE = 0.9  # correlation of intensities in the region, from which on the images show one contrast
 SPREAD = 3.0  # times the patches' spread: errors of one foot's images by what patches state
