@@ -127,6 +127,8 @@ def test_a_link_out_of_the_own_folder_is_refused(tmp_path, monkeypatch, content,
     """A folder of files, a folder that is itself given, and a file."""
     monkeypatch.chdir(tmp_path)
     content["root"] = "results/subject/data"
+    content["truth"] = {"folder": "."}
+    assert load_dataset(written(tmp_path, content)).generator
     content["truth"] = {"folder": "truth"}
     content["poses"]["hook"]["seeds"] = "seeds/hook.nii.gz"
     content["tendons"]["flexor2"]["path"] = "flexor2.json"

@@ -266,7 +266,8 @@ def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
     written = dataset.model_dump(exclude={"root", "anatomy", "limb"}, exclude_none=True)
     for field, relative in _paths(written):
         target = dataset.path(relative)
-        place = target if target.name == ".." or target.is_symlink() else target.parent
+        own_way = relative.name in ("", "..") or target.is_symlink()  # its parent does not tell where it is
+        place = target if own_way else target.parent
         if place not in inside:
             inside[place] = place.resolve().is_relative_to(root)
         if not inside[place]:
