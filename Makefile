@@ -50,8 +50,8 @@ else echo "handpipe needs packages that are not installed, and this user may not
   echo "  apt-get update && apt-get install -y --no-install-recommends $(PACKAGES)"; exit 1; fi
 endef
 
-# Test files side by side, one thread each: one process more than there are cores, since workflows and browsers are
-# waited for a quarter of the time, but at most four, so that memory suffices.
+# Test files side by side, one thread each: one process more than there are cores, since tests wait for workflows and
+# browsers, but at most four, so that memory suffices.
 PYTEST := env OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
   $(BIN)/python -m pytest -n $(shell $(PYTHON) -c 'import os; print(min(os.cpu_count() + 1, 4))') --dist loadfile
 

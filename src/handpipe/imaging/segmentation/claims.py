@@ -39,7 +39,7 @@ OPEN_FACES = 9  # of voxels: a patch of boundary without a shell; right bones of
 UNDECIDED = 0.1  # of a bone's volume: a part that its strokes do not decide
 LEAST_VOLUME = 8.0  # mm^3 of marrow: a small distal phalanx has 20
 UNCLAIMED = 0.03  # of its volume that is left over within its shell
-FEW_UNCLAIMED, MOST_UNCLAIMED = 10.0, 0.1  # mm^3 and of its volume, for bones of few voxels
+FEW_UNCLAIMED, MOST_UNCLAIMED = 10.0, 0.1  # mm^3: less counts only from this share on; it may be noise
 BEYOND = 30.0  # mm around a bone in which its other part is looked for: half of a metacarpal
 THIN = 4.0  # voxels across marrow: below, its Dice is 0.92 or less on generated bones, above 4.4 it is 0.94
 

@@ -54,7 +54,7 @@ def doubted(
 
 
 def loose_turns(found: Mapping[str, Registration], neutral: Mapping[str, Surface]) -> dict[str, str]:
-    """Bones whose turn nothing tells, surfaces as little as images, with the reason."""
+    """Bones whose turn neither surfaces nor images determine, with the reason."""
     return {
         b: f"its image hardly tells {loosest_turn(r, neutral[b])}"
         for b, r in found.items()

@@ -39,7 +39,7 @@ RIM = 5  # voxels around the region that gradients and splines need
 FEWEST = 300  # voxels of a region
 ITERATIONS = 30  # steps at most
 STILL = 1e-5  # rad, and mm
-CLEARLY = 2 / 3  # of what another place leaves unexplained of the edges' directions: images tell them apart
+CLEARLY = 2 / 3  # of one minus the cosine at every other place: a place with less is the one that images show
 RELATED = 0.5  # cosine of the edges' directions; a foot's echoes of unlike contrast have more
 ALIKE = 0.9  # correlation of intensities in the region, from which on the images show one contrast
 SPREAD = 3.0  # times the patches' spread: errors of one foot's images by what patches state
@@ -83,9 +83,9 @@ class PoseImages:
         Returns
         -------
         int or None
-            The number of the one where edges agree best with neutral's, after a refinement by the images.
-            None where they have little in common, or where another place far from it leaves less than half
-            as much again unexplained.
+            The number of the place with the largest cosine between both images' edges, after a refinement
+            by the images. None if that cosine is at most `RELATED`, or if one minus it is not below `CLEARLY`
+            times that of each place more than `APART` away.
         """
         crop, distance = self._region(bone)
         region = np.isfinite(distance)
@@ -96,9 +96,11 @@ class PoseImages:
         related = np.array([pair.related(end) for end in ends])
         best = int(related.argmax())
         others = [r for r, end in zip(related, ends, strict=True) if end.angle_to(ends[best]) > APART]
-        LOG.info("%s: edges at its places agree by %s", bone, np.round(related, 3))
         clear = all(1 - related[best] < CLEARLY * (1 - other) for other in others)
-        return best if related[best] > RELATED and clear else None
+        found = best if related[best] > RELATED and clear else None
+        taken = "images choose none" if found is None else f"images choose number {found}"
+        LOG.info("%s: cosines of the edges at its places %s; %s", bone, np.round(related, 3), taken)
+        return found
 
     def refined(self, bone: str, found: Registration) -> Registration:
         """A bone's registration by its surfaces, its turn refined by the images.

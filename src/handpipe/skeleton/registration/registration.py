@@ -159,14 +159,11 @@ def register(
         )
     within = NEARLY**2 * rivals[0][0] if choose is not None else 0.0
     near = [place for score, place in rivals[1:] if score < within]
-    far = rivals[1 + len(near) :]
     places = [found, *(_finish(pair, place) for place in near)]
     chosen = choose(places) if choose is not None and near else None
-    if chosen is None:
-        found = replace(found, doubt=_doubt(found) or _rival_doubt(pair, found, rivals[1:]))
-    else:
-        found = places[chosen]
-        found = replace(found, doubt=_doubt(found) or _rival_doubt(pair, found, far))
+    found = places[chosen or 0]
+    rejected = 0 if chosen is None else len(near)
+    found = replace(found, doubt=_doubt(found) or _rival_doubt(pair, found, rivals[1 + rejected :]))
     LOG.info(
         "registered: rms %.3f mm, uncertainty %s deg, %.0f %% covered%s",
         found.rms,

@@ -39,7 +39,7 @@ def trabecular_share(
 ) -> Field:
     """Share of trabecular tissue in marrow (nx, ny, nz): `most` on average at the ends of bones.
 
-    Its texture moves with each bone: that of a stream is the same in every pose, where a bone's vertices are.
+    The texture is fixed to each bone: one stream and the same vertices give the same texture in every pose.
     """
     share = np.zeros(grid.shape, np.float32)
     for bone, stream in zip(bones, rng.spawn(len(bones)), strict=True):
