@@ -144,7 +144,7 @@ def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
     mesh = shapes["fat_mesh"]
     assert TetMesh(mesh.vertices, mesh.cells).volumes().min() > 0
     told = mesh.figures
-    assert told["inverted_tets"] == 0 < told["least_det"] < 0.1
+    assert told["inverted_tets"] == 0 < told["least_det"] < 0.3
     assert told["unsettled"] == shapes["skin"].figures["contact_unsettled"]
     assert told["contact_motion"] == shapes["skin"].figures["contact_motion"]
     assert {"residual", "tangles"} <= set(told)

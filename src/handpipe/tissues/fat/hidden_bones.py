@@ -1,27 +1,44 @@
-"""Bones that the skin hides in neutral, and how far they come through it in a frame."""
+"""Bones that the skin covers in neutral: how far they come through it in a frame, and what keeps them in."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
 
-from handpipe.core import Array, IntArray, Shape, Shapes
-from handpipe.mesh.surfaces import Distance, Surface
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, BoolArray, IntArray, Shape, Shapes
+from handpipe.fem.contact import Contact
+from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about
+from handpipe.mesh.tets import mass_lumped
 
 SPACING = 1.0  # mm between watched vertices: a cap of a bone that is 0.2 mm high is wider
+COVER = 0.1  # mm that the skin keeps over a bone: as far as its sheets keep from one another
+TOUCH = 1.0  # mm above a bone within which the skin has contact
 
 
 class HiddenBones:
-    """Vertices of bones inside the neutral skin, about one a millimetre.
+    """Vertices of bones inside the neutral skin, about one a millimetre, and the skin over bones.
 
     Parameters
     ----------
     skin : Surface
-        The neutral skin.
+        The neutral skin, v vertices and t triangles.
     """
 
     def __init__(self, skin: Surface) -> None:
         self._skin = skin
         self._watched: dict[str, IntArray] = {}
+        self._over: dict[str, BoolArray] = {}
+        self._distances = BodyDistances()
+        count, triangles = len(skin.vertices), skin.triangles
+        middles = sparse.csr_matrix(
+            (np.full(triangles.size, 1 / 3), (np.repeat(np.arange(len(triangles)), 3), triangles.ravel())),
+            shape=(len(triangles), count),
+        )
+        # Vertices and middles of triangles: between vertices alone a small bone would come through.
+        self._places = sparse.vstack([sparse.identity(count), middles], format="csr")
+        self._areas = np.concatenate([mass_lumped(skin.vertices, triangles), skin.triangle_areas()]) / 2
 
     def outside(self, skin: Surface, bones: Shapes) -> float:
         """Distance in mm outside the skin of the farthest vertex that neutral skin hides; zero if none is.
@@ -44,9 +61,56 @@ class HiddenBones:
         out = together[~skin.contains(together)]
         return float(np.abs(Distance(skin).signed(out)[0]).max()) if len(out) else 0.0
 
+    def contact(
+        self, skin: Surface, bones: Shapes, matrix: sparse.csr_matrix, stiffness: float
+    ) -> Iterator[Contact]:
+        """Contact of the skin with the bones beneath it: a plane for each place of it that is near a bone.
+
+        Places that lie in a bone in neutral have none: at the cut end of a limb, and where the scan and the
+        image disagree.
+
+        Parameters
+        ----------
+        skin : Surface
+            The skin as it is now.
+        bones : Shapes
+            The bones in the frame, by name.
+        matrix : sparse matrix (v, n)
+            Takes positions of the tissue to those of the skin.
+        stiffness : float
+            Stiffness in kPa/mm, per area of skin.
+
+        Yields
+        ------
+        Contact
+            For each bone that is near the skin.
+        """
+        places = self._places @ skin.vertices
+        for name, shape in bones.items():
+            bone = Surface(shape.vertices, shape.cells)
+            near = about(places, bone, TOUCH)
+            near = near[self._over_bone(name, shape)[near]]
+            gaps, _, feet, normals = self._distances.to(name, shape.rest, bone).signed(places[near])
+            touch = np.flatnonzero(gaps < TOUCH)
+            if len(touch):
+                ids, planes = near[touch], feet[touch] + COVER * normals[touch]
+                yield Contact(
+                    self._places[ids] @ matrix, planes, normals[touch], stiffness * self._areas[ids]
+                )
+
     def _of(self, name: str, bone: Shape) -> IntArray:
         """Ids of the watched vertices of a bone, found once."""
         if name not in self._watched:
             _, chosen = np.unique(np.floor(bone.rest / SPACING), axis=0, return_index=True)
             self._watched[name] = chosen[self._skin.contains(bone.rest[chosen])]
         return self._watched[name]
+
+    def _over_bone(self, name: str, bone: Shape) -> BoolArray:
+        """Which places of the skin (v + t,) are outside a bone in neutral, found once."""
+        if name not in self._over:
+            places, rest = self._places @ self._skin.vertices, Surface(bone.rest, bone.cells)
+            near = about(places, rest, COVER)
+            over = np.ones(len(places), dtype=np.bool_)
+            over[near] = Distance(rest).signed(places[near])[0] > COVER
+            self._over[name] = over
+        return self._over[name]

@@ -29,7 +29,6 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.bending import Origin, Pace, bent
-from handpipe.tissues.fat.hidden_bones import HiddenBones
 from handpipe.tissues.fat.nails import from_vector
 from handpipe.tissues.fat.resting import LOST, LoadCase, at_rest, kept_apart, penetration, pressures_at
 from handpipe.tissues.fat.tissue import Tissue
@@ -122,7 +121,6 @@ class TissueLayer(Viscous):
         self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
     ) -> None:
         self.name, self.tissue, self.strains, self.strict = name, tissue, strains, strict
-        self._hidden = HiddenBones(tissue.skin)
         self.needs = LAYERS[name].needs
 
     def without_strains(self) -> TissueLayer:
@@ -289,7 +287,7 @@ class TissueLayer(Viscous):
         validity = tissue.validity(x)
         validity.require(f"{self.name} of {frame.name}", vertices_of(bones))
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x), **penetration(tissue, x)}
-        figures["bones_outside"] = self._hidden.outside(skin, bones)
+        figures["bones_outside"] = tissue.hidden_bones.outside(skin, bones)
         return {
             "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, tissue.nails(), figures),
             self.name + "_mesh": Shape(

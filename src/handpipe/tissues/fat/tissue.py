@@ -32,6 +32,7 @@ from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumpe
 from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
 from handpipe.tissues.fat.creases.materials import Creases
+from handpipe.tissues.fat.hidden_bones import HiddenBones
 from handpipe.tissues.fat.skin import CUT_END, Rigid
 from handpipe.tissues.fat.skin_contact import BARRIER_STIFFNESS, DISTANCE, overlap, skin_barrier
 
@@ -217,6 +218,11 @@ class Tissue:
     def skin_areas(self) -> Array:
         """Neutral area (k,) in mm^2 that belongs to each skin vertex."""
         return mass_lumped(self.skin.vertices, self.skin.triangles)
+
+    @cached_property
+    def hidden_bones(self) -> HiddenBones:
+        """Bones that the neutral skin hides."""
+        return HiddenBones(self.skin)
 
     @cached_property
     def _gradients(self) -> sparse.csr_matrix:

@@ -137,15 +137,16 @@ class LoadCase:
         return [*potentials, *SurfaceSliding.stacked(on_surfaces)]
 
     def _on_skin(self, x: Array, unit: float, contact: Sequence[Potential] | None) -> list[Potential]:
-        """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
+        """Attachments of nails and the cut end to bones, contact with bones, self-contact if it is on."""
         tissue, rest, matrix = self.tissue, self.tissue.skin.vertices, self.tissue.skin_matrix
-        stiffness = unit * tissue.skin_areas
+        stiffness, skin, bones = unit * tissue.skin_areas, self.skin(x), self.below.get("bones", {})
         parts: list[Potential] = [
             Attachment(matrix[part.vertices], self.rigid[name](rest[part.vertices]), stiffness[part.vertices])
             for name, part in tissue.rigid.items()
         ]
+        parts += tissue.hidden_bones.contact(skin, bones, matrix, (1 + STIFFER) * unit)
         if contact is not None:
             return [*parts, *contact]
         if not tissue.skin_contact:
             return parts
-        return [*parts, *skin_on_skin(tissue.skin, self.skin(x), matrix, stiffness)]
+        return [*parts, *skin_on_skin(tissue.skin, skin, matrix, stiffness)]
