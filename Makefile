@@ -12,7 +12,7 @@ VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
   importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 
 .DEFAULT_GOAL := all
-.PHONY: all finger setup test coverage lint format docs rulegraph benchmark benchmark-setup clean
+.PHONY: all finger setup test test-all coverage lint format docs rulegraph benchmark benchmark-setup clean
 
 all: setup
 	$(BIN)/snakemake -j2 all
@@ -53,15 +53,19 @@ endef
 # Test files side by side, one thread each: one process more than there are cores, since tests wait for workflows and
 # browsers, but at most four, so that memory suffices.
 PYTEST := env OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
-  $(BIN)/python -m pytest -n $(shell $(PYTHON) -c 'import os; print(min(os.cpu_count() + 1, 4))') --dist loadfile
+  $(BIN)/python -m pytest -n $(shell $(PYTHON) -c 'import os; print(min(os.cpu_count() + 1, 4))') --dist loadfile --no-loadscope-reorder
 
 test: setup
 	$(PYTEST)
 
+# Those marked as slow, too: before a release, and after changes of rules, levels or images.
+test-all: setup
+	$(PYTEST) -m "slow or not slow"
+
 # All tests with the share of lines and branches of src that they reach: below the least share of pyproject.toml it
 # fails. Jobs that Snakemake starts are not counted. With it tests take 1.5 times as long.
 coverage: setup
-	$(PYTEST) --cov --cov-report=term
+	$(PYTEST) -m "slow or not slow" --cov --cov-report=term
 
 lint: setup
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

@@ -83,6 +83,7 @@ def test_rows_that_are_kept_are_not_measured_again(tmp_path: Path, monkeypatch: 
     assert found[0] == RIGHT
 
 
+@pytest.mark.slow
 def test_a_coarse_image_is_right_or_noticed_and_a_poor_one_is_refused() -> None:
     ideal = rows.measure(Case("none", "none", Setting(spacing=0.9)))
     assert not ideal.silent and not ideal.refused

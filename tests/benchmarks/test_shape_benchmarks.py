@@ -18,16 +18,19 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> metrics.Metrics:
     return metrics.read(output)
 
 
+@pytest.mark.slow
 def test_slopes_of_the_string(figures: metrics.Metrics) -> None:
     assert figures["string_slope_error"][0] < 0.05
     assert figures["string_overshoot"][0] < figures["string_overshoot_variational_3"][0]
 
 
+@pytest.mark.slow
 def test_all_three_solves_arrive_at_the_same_step(figures: metrics.Metrics) -> None:
     assert figures["solve_iteration_difference"][0] < solves.NEAR
     assert figures["solve_plain_difference"][0] < solves.NEAR
 
 
+@pytest.mark.slow
 def test_muscles_of_several_poses_are_apart_and_their_strains_moderate(figures: metrics.Metrics) -> None:
     assert figures["seventeen_penetration_stage2"][0] < 0.001
     assert figures["seventeen_distance_max"][0] < 0.5

@@ -26,7 +26,10 @@ NAME = "my-wrist"
 BONES = ("radius", "ulna", "scaphoid", "lunate", "capitate", "metacarpal3")
 POSES = ("neutral", "flexed", "deviated")
 
-pytestmark = pytest.mark.skipif(not SOURCE.exists(), reason="the shared anatomy is not beside the checkout")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not SOURCE.exists(), reason="the shared anatomy is not beside the checkout"),
+]
 
 
 @pytest.fixture(scope="module")

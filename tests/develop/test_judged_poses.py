@@ -69,6 +69,7 @@ def test_distances_are_those_of_the_radii_and_the_cut_end_has_none(folder: Path)
         assert np.flatnonzero(np.isnan(pose.distances)).tolist() == CUT.tolist()
 
 
+@pytest.mark.slow
 def test_the_three_best_and_the_three_worst_are_drawn_in_their_order(folder: Path, tmp_path: Path) -> None:
     figure = judged_figure(judged_poses(folder))
     titles = [part.get_suptitle() for part in figure.subfigs[0].subfigs]

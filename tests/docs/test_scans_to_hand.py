@@ -44,6 +44,7 @@ def test_the_page_builds_with_commands_that_are_known() -> None:
     assert {line.split()[0] for line in LINES} == {"source", *PROGRAMS}
 
 
+@pytest.mark.slow
 def test_nothing_is_wrong_with_the_raw_scans(checked: tuple[Path, str]) -> None:
     folder, said = checked
     assert said == "my-finger: nothing is wrong\n"
@@ -51,6 +52,7 @@ def test_nothing_is_wrong_with_the_raw_scans(checked: tuple[Path, str]) -> None:
     assert dataset.heldout == ["half", "reach"] and len(dataset.examples) == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", [line for line in LINES if line.startswith("handpipe build")])
 def test_the_builds_are_planned(checked: tuple[Path, str], line: str) -> None:
     said = called(checked[0], line.replace("handpipe build", "handpipe status"))

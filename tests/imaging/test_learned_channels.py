@@ -91,6 +91,7 @@ def test_stages_learn_from_the_channels_of_the_dataset(pair, tmp_path) -> None:
         assert dice(claimed(volumes[0], bone), truth) > 0.93, file
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not PATHS, reason="the shared real MRI is not beside the checkout")
 def test_bones_of_the_midfoot_by_all_echoes_agree_with_those_by_one(tmp_path) -> None:
     labels = write_strokes(STROKES, PATHS[DRAWN_ON], tmp_path / "seeds.nii.gz")

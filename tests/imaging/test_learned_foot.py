@@ -22,7 +22,10 @@ LOWER, UPPER = np.array([26, 32, 42]), np.array([78, 118, 108])  # voxels of the
 AGREE = 0.93  # Dice coefficient of one bone in two echoes, whose difference is noise and contrast alone
 FEW_AGREE = 0.9
 
-pytestmark = pytest.mark.skipif(not PATHS, reason="the shared real MRI is not beside the checkout")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not PATHS, reason="the shared real MRI is not beside the checkout"),
+]
 
 
 def dice(a, b):

@@ -46,7 +46,7 @@ def run(
     environment: variables beside those of `ENVIRONMENT`; with them, its libraries are imported anew.
     """
     if environment is None:
-        return _warm_run(folder, [TOY, CORES, *arguments])
+        return snakemake(folder, TOY, CORES, *arguments)
     return subprocess.run(
         command(arguments),
         cwd=folder,
@@ -58,7 +58,8 @@ def run(
     )
 
 
-def _warm_run(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+def snakemake(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Snakemake in a folder with these arguments and no others, of a process that has its libraries."""
     server = _server(tuple(sorted(ENVIRONMENT.items())))
     assert server.stdin is not None and server.stdout is not None
     with tempfile.NamedTemporaryFile("r", encoding="utf-8") as said:

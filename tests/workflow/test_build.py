@@ -91,6 +91,7 @@ def test_the_skin_is_measured(figure: Figure, role: str) -> None:
     assert 0 < median < worst
 
 
+@pytest.mark.slow
 def test_the_full_model_is_compared_with_simpler_ones(folder: Path, figure: Figure) -> None:
     """`snakemake baselines`: blends of bones know nothing of scanned poses, m3 knows the examples' scans."""
     watched = folder / "watched-baselines"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import nibabel
 import numpy as np
+import pytest
 
 from handpipe.core import artifacts
 
@@ -32,6 +33,7 @@ def hashes(folder: Path) -> dict[str, str]:
     return {file: artifacts.identity(folder / "results" / "small" / file) for file in files}
 
 
+@pytest.mark.slow
 def test_what_another_folder_built_is_taken_until_an_image_changes(tmp_path: Path) -> None:
     """Both poses of the small subject have one image: a key without the pose's name would mix them up."""
     cache, first, second = (tmp_path / name for name in ("cache", "first", "second"))

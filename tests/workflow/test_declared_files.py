@@ -1,6 +1,7 @@
 """Jobs of rules that the finger does not have, watched as its are: they read what their rules declare.
 
-Every rule of the workflow is watched in one of the two builds, or named here with the reason why it is not.
+Every rule of the workflow is watched in one of the two builds or in that of test_declared_truth.py, or named
+here with the reason why it is not.
 """
 
 import ast
@@ -33,7 +34,7 @@ from .small_subject import (
     write_mesh,
     write_subject,
 )
-from .thin_hand import thin_hand, thin_out
+from .test_declared_truth import TRUTH_RULES
 
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
 NOT_WATCHED = {
@@ -168,9 +169,6 @@ TARGETS = [
         (paths.DATA_VOLUME, "limb", "flat"),
         (paths.DATA_SEEDS, "coarse", "neutral"),
         (paths.metrics_of("seeds"), "unseeded", "bent"),
-        (paths.metrics_of("truth"), "whole", "neutral"),
-        (paths.DATA_TEMPLATES, "whole", "neutral"),
-        (paths.DATA_VOLUME, "whole", "neutral"),
     )
 ]
 GIVEN = ("--config", "subjects=[small]", "scenes=[moving]", "fidelity=preview")
@@ -180,9 +178,8 @@ GIVEN = ("--config", "subjects=[small]", "scenes=[moving]", "fidelity=preview")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A working copy built with the rules that the finger's build has not."""
     folder = working_copy(tmp_path_factory.mktemp("declared") / "copy")
-    thin_out(folder)
     scanned = write_scanned(folder)
-    made = (scanned, write_limb(folder, scanned), write_unseeded(folder, scanned), COARSE, thin_hand("whole"))
+    made = (scanned, write_limb(folder, scanned), write_unseeded(folder, scanned), COARSE)
     for content in made:
         text = yaml.safe_dump(content, sort_keys=False)
         (folder / f"config/datasets/{content['name']}.yaml").write_text(text, encoding="utf-8")
@@ -215,7 +212,7 @@ def rules() -> Iterator[str]:
 def test_every_rule_is_watched_or_has_a_reason(jobs: list[dict[str, Any]], tmp_path: Path) -> None:
     """Benchmarks read what they compare: code, shared data and results of whole builds."""
     finger = set(planned(working_copy(tmp_path / "copy"), "all", "--forceall")) - {"all"}
-    watched = finger | {job["rule"] for job in jobs}
+    watched = finger | TRUTH_RULES | {job["rule"] for job in jobs}
     known = {rule for rule in rules() if not rule.startswith("benchmark_")}
     assert known - watched == set(NOT_WATCHED)
 

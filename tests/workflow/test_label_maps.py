@@ -37,6 +37,7 @@ def give(small: Path, pose: str, found: np.ndarray, names: dict[str, int], seeds
     edit(small, change)
 
 
+@pytest.mark.slow
 def test_label_maps_replace_seeds_in_every_pose(small: Path) -> None:
     """One pose by whole bones, the other by marrow; no seeds are read or proposed."""
     give(small, "flat", labels(*LABELS), LABELS)

@@ -37,6 +37,7 @@ def folder(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copied
 
 
+@pytest.mark.slow
 def test_frames_are_learned_and_their_table_has_bounds_and_distances(folder: Path) -> None:
     target = "results/small/tables/frames-shown.json"
     plan = planned(folder, target, *GIVEN)
@@ -53,6 +54,7 @@ def test_frames_are_learned_and_their_table_has_bounds_and_distances(folder: Pat
     assert [frame.name for frame, _ in frames] == ["rest", "bent"]
 
 
+@pytest.mark.slow
 def test_the_page_of_a_learned_hand_is_built_by_the_command(folder: Path) -> None:
     page = "results/small/simulation/drawn/player.html"
     watched = folder / "watched-player"
@@ -121,6 +123,7 @@ def test_a_scene_of_springs_needs_the_rig_and_the_skin_alone(folder: Path) -> No
     assert all(0 <= row["skin_spring_residual"] <= 0.1 for row in rows)
 
 
+@pytest.mark.slow
 def test_a_scene_with_creases_is_simulated_on_a_tissue_of_its_own(folder: Path) -> None:
     given = ("--config", "subjects=[small]", "scenes=[creased]")
     target = "results/small/tables/frames-creased.json"

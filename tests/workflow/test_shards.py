@@ -90,6 +90,7 @@ def folder(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copied
 
 
+@pytest.mark.slow
 def test_a_killed_build_and_one_of_other_shards_give_the_same_frames(
     folder: Path, built_small: Path, tmp_path: Path
 ) -> None:
@@ -107,18 +108,21 @@ def test_a_killed_build_and_one_of_other_shards_give_the_same_frames(
     assert index["level"] == "L2" and "skin/skin" in index["bodies"]["vertices"]
 
 
+@pytest.mark.slow
 def test_its_jobs_open_declared_files_only(folder: Path) -> None:
     jobs = [json.loads(path.read_text(encoding="utf-8")) for path in (folder / "watched").glob("*.json")]
     assert {"make_shard", "index_shards"} <= {job["rule"] for job in jobs}
     assert [job for job in jobs if job["undeclared"]] == []
 
 
+@pytest.mark.slow
 def test_a_finished_one_does_nothing(folder: Path) -> None:
     given = ("--config", "subjects=[small]", "scenes=[many]")
     assert planned(folder, f"{SHARDS}/index.json", *given) == {}
 
 
-def test_a_scene_of_other_frames_is_refused(folder: Path) -> None:
+def test_a_scene_of_other_frames_is_refused(built_small: Path, tmp_path: Path) -> None:
+    folder = copy_with(built_small, tmp_path / "copy", 2)
     (folder / "config/scenes/bent.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,8\n")
     (folder / "config/scenes/bent.yaml").write_text(
         "layers: [bones, skin]\nframes: config/scenes/bent.csv\nlevel: L2\n"

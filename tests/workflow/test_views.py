@@ -16,6 +16,8 @@ from scipy.ndimage import map_coordinates
 from .running import run, watching
 from .small_subject import AFFINE, image
 
+pytestmark = pytest.mark.slow
+
 FRAMES = ("rest", "bent")
 TABLE = "tables/frames-seen.json"
 RULES = {

@@ -11,6 +11,7 @@ from tests.tissues.muscles.test_layer import muscle, solve
 
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.mesh.surfaces.surface import Surface, each_moved
+from handpipe.tissues.muscles import barrier
 from handpipe.tissues.muscles.barrier import BARRIER_STIFFNESS, DISTANCE
 from handpipe.tissues.muscles.colliding import Bodies, held_vertices
 from handpipe.tissues.muscles.layer import MuscleLayer
@@ -123,8 +124,9 @@ def test_a_muscle_is_pushed_out_of_a_bone_or_the_frame_fails():
         solve(plain.behind_barrier(), 4.0)
 
 
-def test_without_room_the_frame_fails_and_names_the_muscles():
-    """Two muscles in one place: their ends are held in one another."""
+def test_without_room_the_frame_fails_and_names_the_muscles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two muscles in one place: one push does not part them; several may, as rounding decides."""
+    monkeypatch.setattr(barrier, "ROUNDS", 1)
     crowded = MuscleLayer([muscle("low"), muscle("high", (0.0, 0.0, 0.3))]).behind_barrier()
     with pytest.raises(ConvergenceError, match=r"most of high around \(.*\) mm.*bend less"):
         solve(crowded, ANGLE)
