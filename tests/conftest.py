@@ -1,4 +1,4 @@
-"""Costly test files first: each runs on one process, and one that is begun last would run alone at the end."""
+"""Costly test files first: each is run by one process, and one that is begun last would run alone."""
 
 import pytest
 
@@ -26,5 +26,5 @@ RANK = {f"tests/{name}": number for number, name in enumerate(COSTLY)}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Order tests by their files; the others keep their order. The Makefile keeps pytest-xdist from reordering."""
+    """Order tests by their files. The Makefile keeps pytest-xdist from reordering them."""
     items.sort(key=lambda item: RANK.get(item.nodeid.partition("::")[0], len(RANK)))
