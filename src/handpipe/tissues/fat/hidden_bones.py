@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import Array, BoolArray, IntArray, Shape, Shapes
+from handpipe.core import Array, IntArray, Shape, Shapes
 from handpipe.fem.contact import Contact
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about
 from handpipe.mesh.tets import mass_lumped
@@ -15,6 +15,7 @@ from handpipe.mesh.tets import mass_lumped
 SPACING = 1.0  # mm between watched vertices: a cap of a bone that is 0.2 mm high is wider
 COVER = 0.1  # mm that the skin keeps over a bone: as far as its sheets keep from one another
 TOUCH = 1.0  # mm above a bone within which the skin has contact
+AROUND = 20.0  # mm from a bone in neutral within which the skin is its own: that of other fingers is not
 
 
 class HiddenBones:
@@ -29,7 +30,7 @@ class HiddenBones:
     def __init__(self, skin: Surface) -> None:
         self._skin = skin
         self._watched: dict[str, IntArray] = {}
-        self._over: dict[str, BoolArray] = {}
+        self._over: dict[str, IntArray] = {}
         self._distances = BodyDistances()
         count, triangles = len(skin.vertices), skin.triangles
         middles = sparse.csr_matrix(
@@ -67,7 +68,7 @@ class HiddenBones:
         """Contact of the skin with the bones beneath it: a plane for each place of it that is near a bone.
 
         Places that lie in a bone in neutral have none: at the cut end of a limb, and where the scan and the
-        image disagree.
+        image disagree. Nor has the skin of other fingers, which the skin of this one keeps away.
 
         Parameters
         ----------
@@ -88,8 +89,8 @@ class HiddenBones:
         places = self._places @ skin.vertices
         for name, shape in bones.items():
             bone = Surface(shape.vertices, shape.cells)
-            near = about(places, bone, TOUCH)
-            near = near[self._over_bone(name, shape)[near]]
+            own = self._over_bone(name, shape)
+            near = own[about(places[own], bone, TOUCH)]
             gaps, _, feet, normals = self._distances.to(name, shape.rest, bone).signed(places[near])
             touch = np.flatnonzero(gaps < TOUCH)
             if len(touch):
@@ -105,12 +106,10 @@ class HiddenBones:
             self._watched[name] = chosen[self._skin.contains(bone.rest[chosen])]
         return self._watched[name]
 
-    def _over_bone(self, name: str, bone: Shape) -> BoolArray:
-        """Which places of the skin (v + t,) are outside a bone in neutral, found once."""
+    def _over_bone(self, name: str, bone: Shape) -> IntArray:
+        """Ids of the places of the skin that are around a bone in neutral, and outside it; found once."""
         if name not in self._over:
             places, rest = self._places @ self._skin.vertices, Surface(bone.rest, bone.cells)
-            near = about(places, rest, COVER)
-            over = np.ones(len(places), dtype=np.bool_)
-            over[near] = Distance(rest).signed(places[near])[0] > COVER
-            self._over[name] = over
+            around = about(places, rest, AROUND)
+            self._over[name] = around[Distance(rest).signed(places[around])[0] > COVER]
         return self._over[name]
