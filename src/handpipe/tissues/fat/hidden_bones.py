@@ -14,7 +14,7 @@ from handpipe.mesh.tets import mass_lumped
 
 SPACING = 1.0  # mm between watched vertices: a cap of a bone that is 0.2 mm high is wider
 COVER = 0.1  # mm that the skin keeps over a bone: as far as its sheets keep from one another
-TOUCH = 1.0  # mm above a bone within which the skin has contact
+TOUCH = 1.0  # mm above a bone within which the skin has contact, and in it
 AROUND = 20.0  # mm from a bone in neutral within which the skin is its own: that of other fingers is not
 
 
@@ -68,7 +68,9 @@ class HiddenBones:
         """Contact of the skin with the bones beneath it: a plane for each place of it that is near a bone.
 
         Places that lie in a bone in neutral have none: at the cut end of a limb, and where the scan and the
-        image disagree. Nor has the skin of other fingers, which the skin of this one keeps away.
+        image disagree. Nor has the skin of other fingers, which the skin of this one keeps away, nor a skin
+        that lies deep in a bone, as where a guess has not come to rest: the nearest ways out part, and would
+        tear it.
 
         Parameters
         ----------
@@ -93,7 +95,7 @@ class HiddenBones:
             near = own[about(places[own], bone, TOUCH)]
             gaps, _, feet, normals = self._distances.to(name, shape.rest, bone).signed(places[near])
             touch = np.flatnonzero(gaps < TOUCH)
-            if len(touch):
+            if len(touch) and gaps.min() > -TOUCH:
                 ids, planes = near[touch], feet[touch] + COVER * normals[touch]
                 yield Contact(
                     self._places[ids] @ matrix, planes, normals[touch], stiffness * self._areas[ids]
