@@ -54,7 +54,7 @@ def test_bodies_without_regions_touch_but_bones_are_grown_on():
     assert (points.region == Region.contact).all()
 
 
-def test_the_cut_end_is_the_largest_opening_of_the_scan():
+def test_a_small_hole_of_the_scan_is_no_cut():
     skin = sphere(10.0, 4)
     x = skin.vertices[:, 0]
     open_end, small_hole = x < -6.0, (x > 9.7)
@@ -63,6 +63,15 @@ def test_the_cut_end_is_the_largest_opening_of_the_scan():
     found = cut_end(skin, scan, 0.3)
     assert found.any() and not found[~open_end].any()
     assert found[x < -7.0].all()
+
+
+def test_a_limb_is_cut_at_both_ends_whatever_joins_them():
+    skin = sphere(10.0, 4)
+    x = skin.vertices[:, 0]
+    ends, hole = (x < -6.0) | (x > 7.0), skin.vertices[:, 1] > 9.0
+    covered = ~(ends | hole)[skin.triangles].any(axis=1)
+    found = cut_end(skin, Surface(skin.vertices, skin.triangles[covered]).compact(), 0.3)
+    assert found[(x < -7.0) | (x > 8.0)].all() and not found[~ends].any()
 
 
 def test_a_scan_without_openings_has_no_cut_end():

@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from handpipe.core import Array, BoolArray, InputError, IntArray, Region, Shape, Shapes
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 
+OPENING = 0.3  # of the largest opening's area, from which another one is a cut and no hole
 WALL = 0.9  # of a valley's width: a point that far out which is nearer has another wall beside it
 
 
@@ -136,7 +139,9 @@ def inner_points(
 
 
 def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
-    """Skin vertices that the scan does not cover at its largest opening: where the limb was cut off.
+    """Skin vertices that the scan does not cover at its large openings: where the limb was cut off.
+
+    A leg may be cut at both ends, and by the image's side.
 
     Parameters
     ----------
@@ -150,22 +155,16 @@ def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
     Returns
     -------
     array (n,) of bool
-        The largest connected group of uncovered vertices; none where the scan covers all.
+        The connected groups of uncovered vertices that have at least 0.3 of the area of the largest one; none
+        where the scan covers all.
     """
     uncovered = Distance(scan).closest(skin.vertices)[0] > tolerance
-    edges = skin.edges()
-    both = edges[uncovered[edges].all(axis=1)]
-    return _largest_group(uncovered, both)
-
-
-def _largest_group(members: BoolArray, edges: IntArray) -> BoolArray:
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    n = len(members)
-    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    labels = connected_components(graph, directed=False)[1]
-    if not members.any():
-        return members
-    counts = np.bincount(labels[members], minlength=labels.max() + 1)
-    return members & (labels == counts.argmax())
+    if not uncovered.any():
+        return uncovered
+    first, second = skin.edges()[uncovered[skin.edges()].all(axis=1)].T
+    n = len(uncovered)
+    graph = sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(n, n))
+    group = connected_components(graph, directed=False)[1]
+    areas = np.bincount(group, mass_lumped(skin.vertices, skin.triangles) * uncovered)
+    cut: BoolArray = uncovered & (areas >= OPENING * areas.max())[group]
+    return cut
