@@ -13,12 +13,14 @@ COARSE = "the roll of a distal phalanx is known to one or two degrees in slices 
 FAILING = {"voxels-1": COARSE, "slices-1": COARSE}
 
 
-def entry(name: str):
+def entry(name: str, number: int):
     marks = [pytest.mark.xfail(strict=True, reason=FAILING[name])] if name in FAILING else []
-    return pytest.param(name, marks=marks)
+    return pytest.param(name, marks=marks + [pytest.mark.slow] * (number % 3 > 0))
 
 
-@pytest.mark.parametrize("name", [entry(name) for name in CASES if name != "twelve-poses"])
+@pytest.mark.parametrize(
+    "name", [entry(name, number) for number, name in enumerate(CASES) if name != "twelve-poses"]
+)
 def test_hard_case(name: str) -> None:
     poses = ("hook", "spread") if CASES[name].altered else ("hook",)
     assert measure(name, Part(BONES, (NEUTRAL, *poses)), BARS).failures == []

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks.scans.intensities import apart, bends, registered
+from benchmarks.scans.knee import skin
 from benchmarks.scans.knee_build import SETS, STRAIGHT, STROKES, Knee
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
@@ -51,3 +52,12 @@ def test_bones_of_the_knee_reach_the_joint_from_either_strokes(bone) -> None:
         assert not any(claims[-1][place] for place in CARTILAGE)
     both = 2 * (claims[0] & claims[1]).sum() / (claims[0].sum() + claims[1].sum())
     assert both > 0.94
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(Knee.absent(), reason="the shared real MRI is not beside the checkout")
+def test_the_bent_leg_is_nearer_to_its_image_than_the_straight_one(tmp_path) -> None:
+    """From strokes to the simulated skin: nothing that is cut off by the image is refused or compared."""
+    figures = {name: value for name, (value, _) in skin(Knee.build(tmp_path / "knee", SETS[0])).items()}
+    assert figures["knee_skin_compared"] > 0.75
+    assert figures["knee_skin_error_mean"] < 5.0 < figures["knee_skin_unbent_error_mean"]

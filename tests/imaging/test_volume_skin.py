@@ -197,6 +197,7 @@ def test_the_neutral_skin_tells_contacts_from_webs() -> None:
     assert not web.any(), "nothing is cut where the fingers are one"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FOOT, reason="the shared real MRI is not beside the checkout")
 def test_skin_of_a_real_foot_agrees_between_echoes() -> None:
     """Its forefoot, where dermis, bright fat and fat that cancels with water lie at the edge in turn."""

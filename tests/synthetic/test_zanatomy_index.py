@@ -15,6 +15,7 @@ from handpipe.core.configuration.dataset import Dataset, load_dataset
 from handpipe.core.errors import InputError
 from handpipe.synthetic.real_anatomy import zanatomy_index
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 
 
