@@ -13,7 +13,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.hand import CarriedTemplate
 from handpipe.mesh.files import read_scan, read_surface
 from handpipe.stages.files import Files
-from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices, on_skin
+from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_ends, nail_vertices, on_skin
 
 log = logging.getLogger(__name__)
 NAIL, CUT = 0.4, 1.0  # mm from a nail's patch, and from the plane of the cut
@@ -45,7 +45,12 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
         name: Rigid(nail.bone, nail_vertices(skin, patches[name], tolerance=NAIL))
         for name, nail in dataset.nails.items()
     }
-    parts["cut_end"] = Rigid(dataset.root_bone, np.flatnonzero(cut_end(skin, scan, tolerance=CUT)))
+    ends = cut_ends(skin, scan, tolerance=CUT)
+    if len(ends) > 1:
+        middles = "; ".join(", ".join(f"{c:.0f}" for c in skin.vertices[end].mean(axis=0)) for end in ends)
+        text = "the neutral scan has %d large openings, near (%s) mm: each is taken for a cut of the limb"
+        log.warning(text, len(ends), middles)
+    parts["cut_end"] = Rigid(dataset.root_bone, np.concatenate([np.zeros(0, dtype=np.int64), *ends]))
     rigid = {name: part for name, part in parts.items() if len(part.vertices)}
     log.info("%d vertices, rigid parts: %s", len(skin.vertices), ", ".join(rigid))
     Skin(skin, rigid).save(output, [inputs.scan])

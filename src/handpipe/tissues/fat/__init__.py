@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.tissues.fat.constraints import cut_end, inner_points
+    from handpipe.tissues.fat.constraints import cut_ends, inner_points
     from handpipe.tissues.fat.creases.layer import CreaseLayer, load_skin
     from handpipe.tissues.fat.layer import FatStrains, TissueLayer, load_fat
     from handpipe.tissues.fat.mesh import inner_surface, skin_share, tissue_mesh, without_pockets
@@ -29,7 +29,7 @@ __all__ = [
     "TissueSettings",
     "as_vector",
     "closed_skin",
-    "cut_end",
+    "cut_ends",
     "fit_correction",
     "fit_strains",
     "inner_points",

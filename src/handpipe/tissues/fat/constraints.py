@@ -138,7 +138,7 @@ def inner_points(
     return replace(points, region=np.where(changed, Region.contact, points.region).astype(np.int64))
 
 
-def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
+def cut_ends(skin: Surface, scan: Surface, tolerance: float) -> list[IntArray]:
     """Skin vertices that the scan does not cover at its large openings: where the limb was cut off.
 
     A leg may be cut at both ends, and by the image's side.
@@ -146,7 +146,7 @@ def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
     Parameters
     ----------
     skin : Surface
-        Closed skin in mm, n vertices.
+        Closed skin in mm.
     scan : Surface
         Scan in mm, with openings.
     tolerance : float
@@ -154,17 +154,17 @@ def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
 
     Returns
     -------
-    array (n,) of bool
-        The connected groups of uncovered vertices that have at least 0.3 of the area of the largest one; none
-        where the scan covers all.
+    list of array (k,) of int
+        Ids of the connected groups of uncovered vertices, the largest first, that have at least 0.3 of its
+        area; none where the scan covers all.
     """
     uncovered = Distance(scan).closest(skin.vertices)[0] > tolerance
     if not uncovered.any():
-        return uncovered
-    first, second = skin.edges()[uncovered[skin.edges()].all(axis=1)].T
-    n = len(uncovered)
+        return []
+    edges, n = skin.edges(), len(uncovered)
+    first, second = edges[uncovered[edges].all(axis=1)].T
     graph = sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(n, n))
     group = connected_components(graph, directed=False)[1]
     areas = np.bincount(group, mass_lumped(skin.vertices, skin.triangles) * uncovered)
-    cut: BoolArray = uncovered & (areas >= OPENING * areas.max())[group]
-    return cut
+    large = [number for number in np.argsort(-areas) if areas[number] >= OPENING * areas.max()]
+    return [np.flatnonzero(group == number) for number in large]
