@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
 from scipy import sparse
@@ -15,7 +16,7 @@ from handpipe.mesh.tets import mass_lumped
 SPACING = 1.0  # mm between watched vertices: a cap of a bone that is 0.2 mm high is wider
 COVER = 0.1  # mm that the skin keeps over a bone: as far as its sheets keep from one another
 TOUCH = 1.0  # mm above a bone within which the skin has contact, and in it
-AROUND = 20.0  # mm from a bone in neutral within which the skin is its own: that of other fingers is not
+AROUND = 20.0  # mm from a bone in neutral within which the skin may touch it
 
 
 class HiddenBones:
@@ -25,12 +26,14 @@ class HiddenBones:
     ----------
     skin : Surface
         The neutral skin, v vertices and t triangles.
+    parents : mapping of str to str
+        Parent of each bone but the root.
     """
 
-    def __init__(self, skin: Surface) -> None:
-        self._skin = skin
+    def __init__(self, skin: Surface, parents: Mapping[str, str] = MappingProxyType({})) -> None:
+        self._skin, self._parents = skin, parents
         self._watched: dict[str, IntArray] = {}
-        self._over: dict[str, IntArray] = {}
+        self._own: dict[str, IntArray] = {}
         self._distances = BodyDistances()
         count, triangles = len(skin.vertices), skin.triangles
         middles = sparse.csr_matrix(
@@ -68,7 +71,7 @@ class HiddenBones:
         """Contact of the skin with the bones beneath it: a plane for each place of it that is near a bone.
 
         Places that lie in a bone in neutral have none: at the cut end of a limb, and where the scan and the
-        image disagree. Nor has the skin of other fingers, which the skin of this one keeps away, nor a skin
+        image disagree. Nor has the skin of other fingers, which the skin of this one keeps away, nor skin
         that lies deep in a bone, as where a guess has not come to rest: the nearest ways out part, and would
         tear it.
 
@@ -88,11 +91,10 @@ class HiddenBones:
         Contact
             For each bone that is near the skin.
         """
-        places = self._places @ skin.vertices
+        places, own = self._places @ skin.vertices, self._own_places(bones)
         for name, shape in bones.items():
             bone = Surface(shape.vertices, shape.cells)
-            own = self._over_bone(name, shape)
-            near = own[about(places[own], bone, TOUCH)]
+            near = own[name][about(places[own[name]], bone, TOUCH)]
             gaps, _, feet, normals = self._distances.to(name, shape.rest, bone).signed(places[near])
             touch = np.flatnonzero(gaps < TOUCH)
             if len(touch) and gaps.min() > -TOUCH:
@@ -108,10 +110,21 @@ class HiddenBones:
             self._watched[name] = chosen[self._skin.contains(bone.rest[chosen])]
         return self._watched[name]
 
-    def _over_bone(self, name: str, bone: Shape) -> IntArray:
-        """Ids of the places of the skin that are around a bone in neutral, and outside it; found once."""
-        if name not in self._over:
-            places, rest = self._places @ self._skin.vertices, Surface(bone.rest, bone.cells)
-            around = about(places, rest, AROUND)
-            self._over[name] = around[Distance(rest).signed(places[around])[0] > COVER]
-        return self._over[name]
+    def _own_places(self, bones: Shapes) -> dict[str, IntArray]:
+        """Ids of the places of the skin that each bone may touch, found once.
+
+        They lie outside of the bone in neutral, next to it or to a neighbour in the tree of bones.
+        """
+        if self._own.keys() != bones.keys():
+            places = self._places @ self._skin.vertices
+            signed = np.full((len(bones), len(places)), np.inf)
+            for row, bone in zip(signed, bones.values(), strict=True):
+                rest = Surface(bone.rest, bone.cells)
+                around = about(places, rest, AROUND)
+                row[around] = Distance(rest).signed(places[around])[0]
+            nearest = np.array([*bones])[np.abs(signed).argmin(axis=0)]
+            for name, row in zip(bones, signed, strict=True):
+                beside = {name, self._parents.get(name), *(c for c, p in self._parents.items() if p == name)}
+                mine = np.isin(nearest, [b for b in beside if b]) & (row > COVER) & (row < AROUND)
+                self._own[name] = np.flatnonzero(mine)
+        return self._own

@@ -222,7 +222,7 @@ class Tissue:
     @cached_property
     def hidden_bones(self) -> HiddenBones:
         """Bones that the neutral skin hides."""
-        return HiddenBones(self.skin)
+        return HiddenBones(self.skin, self.parents)
 
     @cached_property
     def _gradients(self) -> sparse.csr_matrix:
