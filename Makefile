@@ -53,7 +53,8 @@ endef
 # Test files side by side, one thread each: one process more than there are cores, since tests wait for workflows and
 # browsers, but at most four, so that memory suffices.
 PYTEST := env OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
-  $(BIN)/python -m pytest -n $(shell $(PYTHON) -c 'import os; print(min(os.cpu_count() + 1, 4))') --dist loadfile --no-loadscope-reorder
+  $(BIN)/python -m pytest -n $(shell $(PYTHON) -c 'import os; print(min(os.cpu_count() + 1, 4))') \
+  --dist loadfile --no-loadscope-reorder
 
 test: setup
 	$(PYTEST)

@@ -83,10 +83,10 @@ def test_scene_of_readme_is_simulated_in_one_job(folder: Path) -> None:
 
 def test_make_has_the_targets_that_readme_names() -> None:
     makefile = (CHECKOUT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^(\w+):", makefile, re.MULTILINE))
+    targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
     assert {
-        *re.findall(r"`make (\w+)`", README),
-        *re.findall(r"^make (\w+)", README, re.MULTILINE),
+        *re.findall(r"`make ([\w-]+)`", README),
+        *re.findall(r"^make ([\w-]+)", README, re.MULTILINE),
     } <= targets
 
 

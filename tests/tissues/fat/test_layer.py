@@ -137,14 +137,14 @@ def _hinged(degrees):
 
 
 def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
-    tissue, (core, start) = limb(Region.fixed), _hinged(80.0)
+    tissue, (core, start) = limb(Region.fixed), _hinged(90.0)
     layer = TissueLayer("fat", tissue).lenient()  # the skin over such a bone cannot be out of itself
     monkeypatch.setattr(TissueLayer, "starts", lambda self, bones: [start])
     shapes = layer.solve(Frame("hinged", {}, REST), below(core))
     mesh = shapes["fat_mesh"]
     assert TetMesh(mesh.vertices, mesh.cells).volumes().min() > 0
     told = mesh.figures
-    assert told["inverted_tets"] == 0 < told["least_det"] < 0.3
+    assert told["inverted_tets"] == 0 < told["least_det"] < 0.1
     assert told["unsettled"] == shapes["skin"].figures["contact_unsettled"]
     assert told["contact_motion"] == shapes["skin"].figures["contact_motion"]
     assert {"residual", "tangles"} <= set(told)

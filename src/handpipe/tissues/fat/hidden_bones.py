@@ -1,4 +1,4 @@
-"""Bones that the skin covers in neutral: how far they come through it in a frame, and what keeps them in."""
+"""Bones that the skin hides in neutral: how far they come through it in a frame, and what keeps them in."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from handpipe.mesh.tets import mass_lumped
 
 SPACING = 1.0  # mm between watched vertices: a cap of a bone that is 0.2 mm high is wider
 COVER = 0.1  # mm that the skin keeps over a bone: as far as its sheets keep from one another
-TOUCH = 1.0  # mm above a bone within which the skin has contact, and in it
+TOUCH = 1.0  # mm: a bone has no contact with skin farther above it, and none where skin is deeper in it
 AROUND = 20.0  # mm from a bone in neutral within which the skin may touch it
 
 
@@ -123,6 +123,7 @@ class HiddenBones:
                 around = about(places, rest, AROUND)
                 row[around] = Distance(rest).signed(places[around])[0]
             nearest = np.array([*bones])[np.abs(signed).argmin(axis=0)]
+            self._own = {}
             for name, row in zip(bones, signed, strict=True):
                 beside = {name, self._parents.get(name), *(c for c, p in self._parents.items() if p == name)}
                 mine = np.isin(nearest, [b for b in beside if b]) & (row > COVER) & (row < AROUND)
