@@ -4,23 +4,20 @@ import pytest
 from benchmarks.bones.cases import CASES
 from benchmarks.bones.hard_cases import Bars, measure
 from benchmarks.bones.subject import NEUTRAL, Part
+from tests.sampling import every
 
 BONES = ("middle2", "distal2")
 # So few poses tell nothing of left-out ones; of so few bones one alarm is allowed; small bones overlap less.
 BARS = Bars(dice_mean=0.95, motion_mean=(0.5, 0.1), left_out=None, alarms=0.25)
 # What is not managed today, as measured. A case that comes good fails here until it is taken out.
-COARSE = "the roll of a distal phalanx is known to one or two degrees in slices or voxels of 1 mm"
-FAILING = {"voxels-1": COARSE, "slices-1": COARSE}
+COARSE = "the roll of a distal phalanx is known to one or two degrees in {what} of 1 mm"
+FAILING = {
+    name: pytest.mark.xfail(strict=True, reason=COARSE.format(what=what))
+    for name, what in {"voxels-1": "voxels", "slices-1": "slices"}.items()
+}
 
 
-def entry(name: str, number: int):
-    marks = [pytest.mark.xfail(strict=True, reason=FAILING[name])] if name in FAILING else []
-    return pytest.param(name, marks=marks + [pytest.mark.slow] * (number % 3 > 0))
-
-
-@pytest.mark.parametrize(
-    "name", [entry(name, number) for number, name in enumerate(CASES) if name != "twelve-poses"]
-)
+@pytest.mark.parametrize("name", every(3, [name for name in CASES if name != "twelve-poses"], FAILING))
 def test_hard_case(name: str) -> None:
     poses = ("hook", "spread") if CASES[name].altered else ("hook",)
     assert measure(name, Part(BONES, (NEUTRAL, *poses)), BARS).failures == []

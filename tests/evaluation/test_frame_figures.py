@@ -98,8 +98,11 @@ def fits() -> list[dict]:
         "residual": 0.02,
         "inverted_tets": 0.0,
         "least_det": 0.4,
+        "unfinished": 0.0,
+        "mean_gap": 0.021,
     }
     bad = {"unsettled": 1.0, "contact_motion": 0.08, "residual": 0.5, "inverted_tets": 1.0, "least_det": -0.2}
+    bad |= {"unfinished": 1.0, "mean_gap": 0.057}
     return [
         {"frame": pose, **worst_of({"fat_fit": [figures]})}
         for pose, figures in (("bow", good), ("fist", bad))
@@ -112,7 +115,8 @@ def test_poses_have_their_own_figures_beside_the_worst() -> None:
     assert metrics["fat_fit_contact_motion_bow"] == (0.004, "mm")
     assert metrics["fat_fit_least_det"] == (-0.2, "1") != metrics["fat_fit_least_det_bow"]
     assert metrics["fat_fit_residual_bow"] == (0.02, "mN")
-    assert len(metrics) == 15
+    assert metrics["fat_fit_mean_gap_bow"] == (0.021, "mm")
+    assert len(metrics) == 21
 
 
 def test_warnings_of_fits_name_the_pose_once() -> None:
@@ -123,6 +127,7 @@ def test_warnings_of_fits_name_the_pose_once() -> None:
         "Scanned poses: tangles are left: bow (fat_fit: 2).",
         "Scanned poses: contact has not settled: fist (fat_fit), fist (fat).",
         "Scanned poses: inverted tets are handed on: fist (fat_fit: 1, least det F -0.2).",
+        "Scanned poses: the fit to the scan has not converged: fist (skin 0.06 mm from it in the mean).",
     ]
 
 

@@ -34,7 +34,7 @@ from .small_subject import (
     write_mesh,
     write_subject,
 )
-from .test_declared_truth import TRUTH_RULES
+from .thin_hand import TRUTH_RULES
 
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
 NOT_WATCHED = {

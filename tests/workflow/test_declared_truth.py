@@ -9,16 +9,8 @@ import yaml
 from handpipe.core import paths
 
 from .running import run, watching, working_copy
-from .thin_hand import thin_hand, thin_out
+from .thin_hand import TRUTH_RULES, thin_hand, thin_out
 
-TRUTH_RULES = {
-    "coupled_body",
-    "coupled_images",
-    "coupled_pose",
-    "coupled_templates",
-    "evaluate_truth",
-    "template_hand",
-}
 PATTERNS = (paths.metrics_of("truth"), paths.DATA_TEMPLATES, paths.DATA_VOLUME)
 
 

@@ -22,6 +22,7 @@ UNITS = {
     "contact_motion": "mm",
     "skin_overlap": "mm",
     "skin_gap": "mm",
+    "mean_gap": "mm",
     "inner_overlap": "mm",
     "bones_outside": "mm",
     "level_bound": "mm",

@@ -5,6 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 from tests.mesh.shapes import box_tets
+from trimesh import Trimesh
 
 from handpipe.core.errors import ConvergenceError
 from handpipe.core.layers import Region
@@ -103,12 +104,11 @@ def _bulged(points):
     return points * np.column_stack([np.ones_like(x), 1 + grow, 1 + 0.5 * grow])
 
 
-def _fit():
+def _fit(**settings):
     tissue = limb(Region.fixed)
     scan = tissue.skin.moved(_bulged(tissue.skin.vertices))
-    return tissue, fit_strains(
-        tissue, below(), at_rest(), scan, tissue.mesh.vertices, FitSettings(enough=0.0)
-    )
+    wanted = FitSettings(**{"enough": 0.0, **settings})
+    return tissue, fit_strains(tissue, below(), at_rest(), scan, tissue.mesh.vertices, wanted)
 
 
 def test_the_skin_comes_to_lie_on_the_scan():
@@ -139,6 +139,24 @@ def test_a_fit_whose_contact_is_unsettled_says_so(monkeypatch):
     monkeypatch.setattr(strains, "ON_THE_WAY", Limits(renewals=1, settled=1e-12, gross=np.inf))
     figures = _fit()[1].figures
     assert figures["unsettled"] == 1 and figures["contact_motion"] > 1e-12
+
+
+@pytest.mark.parametrize("settings", [{"iterations": 1}, {"least_step": 2.0}], ids=["few", "no step"])
+def test_a_fit_that_has_not_converged_says_so_and_how_far_off_it_is(settings):
+    tissue, fit = _fit(**settings)
+    scan = Trimesh(_bulged(tissue.skin.vertices), tissue.skin.triangles, process=False)
+    rest = Trimesh(tissue.skin.vertices, tissue.skin.triangles, process=False)
+    gaps = scan.nearest.on_surface(tissue.skin_matrix @ fit.vertices)[1]
+    assert fit.figures["unfinished"] == 1
+    shares = np.bincount(rest.faces.ravel(), np.repeat(rest.area_faces, 3))
+    shares[np.concatenate([part.vertices for part in tissue.rigid.values()])] = 0.0  # are not pulled
+    assert fit.figures["mean_gap"] == pytest.approx(np.average(gaps, weights=shares), rel=0.03)
+
+
+@pytest.mark.parametrize("enough", [0.0, 0.05])
+def test_a_fit_that_has_converged_or_is_near_enough_does_not(enough):
+    figures = _fit(enough=enough)[1].figures
+    assert figures["unfinished"] == 0 and figures["mean_gap"] < 0.05
 
 
 def test_a_fit_with_an_inverted_tet_fails_and_names_the_place(monkeypatch):

@@ -48,7 +48,10 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
     ends = cut_ends(skin, scan, tolerance=CUT)
     if len(ends) > 1:
         middles = "; ".join(", ".join(f"{c:.0f}" for c in skin.vertices[end].mean(axis=0)) for end in ends)
-        text = "the neutral scan has %d large openings, near (%s) mm: each is taken for a cut of the limb"
+        text = (
+            "the neutral scan has %d large openings, near (%s) mm: each is taken for a cut of the limb, "
+            "where the skin goes with the root bone; if one is a hole of the scan, close it in the scan"
+        )
         log.warning(text, len(ends), middles)
     parts["cut_end"] = Rigid(dataset.root_bone, np.concatenate([np.zeros(0, dtype=np.int64), *ends]))
     rigid = {name: part for name, part in parts.items() if len(part.vertices)}

@@ -117,13 +117,17 @@ class FatState:
     value: float
     figures: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def mean_gap(self) -> float:
+        """Mean distance in mm from the scan to the skin."""
+        return float(self.weights @ np.abs(self.offsets))
+
     def row(self, step: float) -> dict[str, float]:
         """Figures for the record."""
-        gaps = np.abs(self.offsets)
         return {
             "objective": self.value,
-            "mean_gap": float(self.weights @ gaps),
-            "max_gap": float(gaps[self.weights > 0].max()),
+            "mean_gap": self.mean_gap,
+            "max_gap": float(np.abs(self.offsets[self.weights > 0]).max()),
             "step": step,
         }
 
@@ -141,7 +145,8 @@ class FatFit:
     record : list of dict of str to float
         A row for each iteration: objective, mean and largest gap in mm, step.
     figures : dict of str to float
-        Whether the equilibrium is valid and settled, by name, as in the figures of a frame's fat.
+        Whether the equilibrium is valid and settled, by name, as in the figures of a frame's fat; the mean
+        gap in mm at the end; and `unfinished`, 1 where the fit ended without having converged.
     """
 
     log_strains: Array
@@ -205,7 +210,7 @@ def fit_strains(
     -------
     FatFit
         Strains, vertices, a row for each iteration, and figures. The figures tell whether contact has
-        settled.
+        settled and whether the fit has converged.
 
     Raises
     ------
@@ -234,26 +239,29 @@ def fit_strains(
 
     now = state(np.zeros((m, 6)), opened(case, start))
     record = [now.row(0.0)]
-    for iteration in range(settings.iterations):
+    converged = False
+    while not converged and len(record) <= settings.iterations:
         strain = strain_operator(mesh, now.x)
         constraints = case.constraints(now.x)
         step = _direction(strain, laplacian, now, tissue.skin_operator, constraints, settings)
         change = _bounded((strain @ step.ravel()).reshape(-1, 6), settings.largest_change)
         found, eta = _search(state, now, change, step, settings)
         if found is None:
+            log.info("no step lowers the objective")
             break
         gain, now = 1 - found.value / now.value, found
         record.append(now.row(eta))
         log.info(
             "iteration %d: objective %.4g, mean gap %.3f mm, largest %.3f mm, step %.2f",
-            iteration + 1,
+            len(record) - 1,
             *record[-1].values(),
         )
-        if gain < settings.least_gain or record[-1]["mean_gap"] < settings.enough:
-            break
+        converged = gain < settings.least_gain or now.mean_gap < settings.enough
     validity = tissue.validity(now.x)
     validity.require(name, vertices_of(below.get("bones", {})))
-    return FatFit(now.logs, now.x, record, validity.figures | dict(now.figures))
+    unfinished = not converged and now.mean_gap >= settings.enough
+    ended = {"mean_gap": now.mean_gap, "unfinished": float(unfinished)}
+    return FatFit(now.logs, now.x, record, validity.figures | dict(now.figures) | ended)
 
 
 def _bounded(change: Array, largest: float) -> Array:
