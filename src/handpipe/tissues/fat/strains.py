@@ -50,8 +50,6 @@ class FitSettings:
         Distance in mm from the skin up to which the scan counts.
     rim : float
         Distance in mm from the scan's boundary up to which the scan is not used.
-    enough : float
-        Mean gap in mm at which a fit ends: the noise of a good scan.
     iterations : int
         Largest number of iterations.
     least_gain : float
@@ -70,8 +68,7 @@ class FitSettings:
     hold: float = 10.0
     reach: float = 6.0
     rim: float = 1.0
-    enough: float = 0.03
-    iterations: int = 10
+    iterations: int = 30
     least_gain: float = 0.01
     least_step: float = 0.1
     largest_change: float = 0.5
@@ -256,11 +253,10 @@ def fit_strains(
             len(record) - 1,
             *record[-1].values(),
         )
-        converged = gain < settings.least_gain or now.mean_gap < settings.enough
+        converged = gain < settings.least_gain
     validity = tissue.validity(now.x)
     validity.require(name, vertices_of(below.get("bones", {})))
-    unfinished = not converged and now.mean_gap >= settings.enough
-    ended = {"mean_gap": now.mean_gap, "unfinished": float(unfinished)}
+    ended = {"mean_gap": now.mean_gap, "unfinished": float(not converged)}
     return FatFit(now.logs, now.x, record, validity.figures | dict(now.figures) | ended)
 
 
