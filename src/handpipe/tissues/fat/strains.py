@@ -69,7 +69,7 @@ class FitSettings:
     reach: float = 6.0
     rim: float = 1.0
     iterations: int = 30
-    least_gain: float = 0.01
+    least_gain: float = 0.02
     least_step: float = 0.1
     largest_change: float = 0.5
 
