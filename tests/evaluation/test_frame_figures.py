@@ -131,6 +131,13 @@ def test_warnings_of_fits_name_the_pose_once() -> None:
     ]
 
 
+def test_a_fit_that_stops_within_a_scan_s_noise_is_no_doubt() -> None:
+    row = {"frame": "curl", "fat_fit_unfinished": 1.0, "fat_fit_mean_gap": 0.013}
+    assert pose_warnings([row]) == []
+    [said] = pose_warnings([row | {"fat_fit_mean_gap": 0.031}])
+    assert said.startswith("Scanned poses: the fit to the scan has not converged: curl")
+
+
 @pytest.mark.parametrize(
     "name", ["fat_inverted_tets", "fat_skin_overlap", "fat_skin_crossings", "fat_unsettled", "fat_tangles"]
 )

@@ -18,6 +18,7 @@ PENETRATION = 0.25  # mm, of muscles in bones and in one another: half of what i
 BONES_OUTSIDE = 0.1  # mm, as much as the skin keeps over a bone: beyond it a bone shows
 INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
 REACHED = 1.0  # mm; a target that is farther is not met
+NOISE = 0.03  # mm, of a good scan: a fit that stops nearer to its scan leaves nothing that counts
 COMPRESSION = 0.01  # of a tendon's pull; the report omits a smaller compression
 
 
@@ -213,8 +214,10 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         if name.endswith("_unsettled") and _positive(row, name):
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
         if name.endswith("_unfinished") and _positive(row, name):
-            gap = _number(row, name.replace("_unfinished", "_mean_gap"))
-            yield "the fit to the scan has not converged", f"skin {gap:.2f} mm from it in the mean"
+            gap = name.replace("_unfinished", "_mean_gap")
+            if _positive(row, gap, NOISE):
+                left = f"skin {_number(row, gap):.2f} mm from it in the mean"
+                yield "the fit to the scan has not converged", left
         if name.endswith("_cuts_itself") and _positive(row, name):
             yield "an organ folds into itself", name.removesuffix("_cuts_itself")
         if name.endswith("_skin_crossings") and _positive(row, name):
