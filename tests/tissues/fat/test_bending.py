@@ -96,6 +96,16 @@ def test_bodies_are_known_at_both_ends_and_go_with_their_bones_between():
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+def test_bones_that_the_tissue_does_not_touch_go_along():
+    """As where fasciae cover them: contact of the skin with bones needs them on the way, too."""
+    bones = below(together(2.0))["bones"]
+    rest = {name: replace(bone, vertices=bone.rest) for name, bone in bones.items()}
+    covered = replace(fork().inner, layers=("bone_fascia",) * len(fork().inner.layers))
+    known = {"bones": rest, "bone_fascia": {name: rest[name] for name in fork().inner.bodies}}
+    way = Bodies(replace(fork(), inner=covered), STILL, STILL, known, known).at(STILL, 0.5)
+    assert way["bones"].keys() == rest.keys()
+
+
 def test_neutral_is_where_all_bodies_are_at_rest():
     posed = below(together(2.0))
     origin = Origin.neutral(fork(), posed)

@@ -91,6 +91,8 @@ class HiddenBones:
         Contact
             For each bone that is near the skin.
         """
+        if not bones:
+            return
         places, own = self._places @ skin.vertices, self._own_places(bones)
         for name, shape in bones.items():
             bone = Surface(shape.vertices, shape.cells)
