@@ -13,14 +13,14 @@ ORGANS = {"muscles": ["dorsal_interosseous1"], "ligaments": [], "tendons": ["fle
 EDGES = {"bone": 1.8, "skin": 2.8, "fat": 4}  # mm; with longer ones a joint opens through the skin
 POSES = {"neutral": "neutral", "loose": "example", "flat": "heldout"}  # those that bend least
 SPACING = 2.0  # mm
-TRUTH_RULES = {
+TRUTH_RULES = {  # that make its truth
     "coupled_body",
     "coupled_images",
     "coupled_pose",
     "coupled_templates",
     "evaluate_truth",
     "template_hand",
-}  # that make it
+}
 
 
 def thin_hand(name: str) -> dict[str, Any]:

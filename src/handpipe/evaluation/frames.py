@@ -213,11 +213,10 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "tangles are left", f"{name.removesuffix('_tangles')}: {_number(row, name):.0f}"
         if name.endswith("_unsettled") and _positive(row, name):
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
-        if name.endswith("_unfinished") and _positive(row, name):
-            gap = name.replace("_unfinished", "_mean_gap")
-            if _positive(row, gap, NOISE):
-                left = f"skin {_number(row, gap):.2f} mm from it in the mean"
-                yield "the fit to the scan has not converged", left
+        gap = f"{name.removesuffix('_unfinished')}_mean_gap"
+        if name.endswith("_unfinished") and _positive(row, name) and _positive(row, gap, NOISE):
+            left = f"skin {_number(row, gap):.2f} mm from it in the mean"
+            yield "the fit to the scan has not converged", left
         if name.endswith("_cuts_itself") and _positive(row, name):
             yield "an organ folds into itself", name.removesuffix("_cuts_itself")
         if name.endswith("_skin_crossings") and _positive(row, name):

@@ -54,7 +54,7 @@ class Bodies:
         self._origin, self._last = origin, bones
         self._before, self._below = before, below
         named = list(zip(tissue.inner.layers, tissue.inner.bodies, strict=True))
-        self._rigid = below.get("bones", {})  # all of them: the skin keeps also those in that fasciae cover
+        self._rigid = below.get("bones", {})  # also those that fasciae cover: the skin touches them
         self._others = [key for key in named if key[0] != "bones"]
 
     @cached_property
