@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from handpipe.core import Array, IntArray
 from handpipe.mesh.contact import cuts_itself
-from handpipe.mesh.generation.surface_repair import fill_holes
+from handpipe.mesh.generation.hole_filling import fill_holes
 from handpipe.mesh.surfaces.surface import Surface, component_labels
 
 BRIDGE = 25.0  # mm around a bridge that is cut, at most: less than around a child's finger

@@ -123,8 +123,33 @@ def relax(surface: Surface, project: Project, iterations: int) -> Surface:
     return surface.moved(x)
 
 
+def split_fans(surface: Surface) -> tuple[Surface, IntArray]:
+    """A surface in which each vertex has one fan of triangles: others are doubled, unused ones left out.
+
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface in mm.
+
+    Returns
+    -------
+    split : Surface
+        The same triangles, in their order.
+    source : array (n,) of int
+        Of each of its vertices the one of `surface` that it stands for.
+    """
+    corner, _, _, source = _with_twins(surface, np.zeros(len(surface.vertices), dtype=bool))
+    return Surface(surface.vertices[source], corner.reshape(-1, 3)), source
+
+
 def _half_edges(surface: Surface, fixed: BoolArray):  # type: ignore[no-untyped-def]
     """Half-edge arrays of the surface; fixed vertices first, a vertex between two fans doubled."""
+    corner, twin, out, source = _with_twins(surface, fixed)
+    return surface.vertices[source].copy(), corner, twin, out, fixed[source].copy()
+
+
+def _with_twins(surface: Surface, fixed: BoolArray):  # type: ignore[no-untyped-def]
+    """The arrays of `_half_edges`, but for places the vertices of the surface that they stand for."""
     order = np.concatenate([np.flatnonzero(fixed), np.flatnonzero(~fixed)])
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
@@ -138,8 +163,7 @@ def _half_edges(surface: Surface, fixed: BoolArray):  # type: ignore[no-untyped-
     corner = new[fan]
     out = np.empty(len(new), dtype=np.int64)
     out[corner] = np.arange(len(corner))
-    source = order[old[by_vertex]]
-    return surface.vertices[source].copy(), corner, twin, out, fixed[source].copy()
+    return corner, twin, out, order[old[by_vertex]]
 
 
 def _splits(x: Array, corner: IntArray, edge_length: float) -> int:

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 import igl
 import numpy as np
-from scipy.sparse import coo_matrix, diags
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import spsolve
 
-from handpipe.core import Array, BoolArray, InputError, IntArray
-from handpipe.mesh.contact import cuts_itself
+from handpipe.core import BoolArray, InputError, IntArray
+from handpipe.mesh.contact import crossings, cuts_itself
+from handpipe.mesh.generation.hole_filling import fill_holes, rings_around
 from handpipe.mesh.generation.implicit import Grid, isosurface
-from handpipe.mesh.generation.remeshing import remesh, remesh_free
+from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
-from handpipe.mesh.surfaces.surface import Surface, concatenate, directed_edges
-from handpipe.mesh.tets.operators import cotangent_laplacian, mass_lumped
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 MERGE = 1e-6  # of the extent: vertices closer than this are one
 SMALL = 0.01  # of the largest part's area: smaller parts are dropped
 FINEST = 150  # cells of a grid along the longest side
+RINGS = (0, 1, 2, 4)  # rings of triangles around a fault that are cut out, one width after the other
 
 
 def repair(surface: Surface) -> tuple[Surface, list[str]]:
     """A closed surface that faces outwards, and what was changed.
 
     Merges duplicate vertices, drops triangles without area and small loose parts, orients triangles alike,
-    fills holes with smooth patches, and rebuilds a surface that cuts itself from its winding number.
+    fills holes with smooth patches, and what cuts itself as well. A surface that still cuts itself is rebuilt
+    from its winding number.
 
     Parameters
     ----------
@@ -50,6 +49,8 @@ def repair(surface: Surface) -> tuple[Surface, list[str]]:
     surface = _drop_small_parts(surface, said)
     surface = _orient(surface, said)
     surface = fill_holes(surface, said)
+    if not surface.is_closed() or cuts_itself(surface):
+        surface = _without_faults(surface, said)
     if not surface.is_closed() or cuts_itself(surface):
         surface = _rebuild(surface, said)
     if not surface.is_closed():
@@ -109,54 +110,45 @@ def _winding(triangles: IntArray) -> BoolArray:
     return first < second
 
 
-def fill_holes(surface: Surface, said: list[str]) -> Surface:
-    """Close every hole by a patch that continues the surface smoothly at its rim; nothing else changes."""
-    directed = directed_edges(surface.triangles)
-    n = len(surface.vertices)
-    forth, back = directed @ [n, 1], directed @ [1, n]
-    rim = directed[~np.isin(forth, back)]
-    if len(rim) == 0:
-        return surface
-    graph = coo_matrix((np.ones(len(rim)), rim.T), shape=(n, n))
-    hole = np.unique(connected_components(graph, directed=False)[1][rim[:, 0]], return_inverse=True)[1]
-    count = hole.max() + 1
-    middle = np.zeros((count, 3))
-    np.add.at(middle, hole, surface.vertices[rim[:, 0]])
-    middle /= np.bincount(hole)[:, None]
-    fans = np.stack([rim[:, 1], rim[:, 0], n + hole], axis=1)
-    filled = Surface(np.concatenate([surface.vertices, middle]), np.concatenate([surface.triangles, fans]))
-    said.append(f"Filled {count} hole{'s' if count > 1 else ''} of {len(rim)} edges in all.")
-    if not filled.is_closed():
-        return filled
-    rim_length = float(np.linalg.norm(np.diff(surface.vertices[rim], axis=1), axis=2).mean())
-    fixed = np.arange(len(filled.vertices)) < n
-    for _ in range(3):
-        filled = remesh_free(filled, rim_length, fixed, _stay)
-        fixed = np.arange(len(filled.vertices)) < n
-        filled = _fair(filled, fixed)
-    return filled
+def _without_faults(surface: Surface, said: list[str]) -> Surface:
+    """Cut out and fill what crosses or is no manifold, unless a patch would be far off."""
+    faults = _faults(surface)
+    for rings in RINGS:
+        gone = rings_around(faults, surface.triangles, rings)
+        if gone.all():
+            break
+        peeled = Surface(surface.vertices, surface.triangles[~gone])
+        found = fill_holes(_drop_small_parts(peeled, []), [])
+        if not found.is_closed() or cuts_itself(found):
+            continue
+        before = surface.vertices[np.unique(surface.triangles[gone])]
+        if Distance(found).closest(before)[0].max() > _cell(surface):
+            break
+        area = surface.triangle_areas()[gone].sum()
+        said.append(f"Filled {area:.2g} mm^2 anew, where the surface cut itself or was not a manifold.")
+        return found
+    return surface
 
 
-def _stay(points: Array) -> Array:
-    return points
+def _cell(surface: Surface) -> float:
+    """Cell in mm of the grid on which a surface is rebuilt: a patch is at most as far off."""
+    return max(float(surface.edge_lengths().mean()), float(np.ptp(surface.vertices, axis=0).max()) / FINEST)
 
 
-def _fair(surface: Surface, fixed: BoolArray) -> Surface:
-    """Move free vertices to the least biharmonic energy: the patch continues the slope at its rim."""
-    stiffness = cotangent_laplacian(surface.vertices, surface.triangles)
-    area = mass_lumped(surface.vertices, surface.triangles)
-    energy = (stiffness @ diags(1 / np.maximum(area, 1e-12)) @ stiffness).tocsr()
-    free = ~fixed
-    vertices = surface.vertices.copy()
-    if free.any():
-        right = -energy[free][:, fixed] @ vertices[fixed]
-        vertices[free] = spsolve(energy[free][:, free].tocsc(), right).reshape(-1, 3)
-    return surface.moved(vertices)
+def _faults(surface: Surface) -> BoolArray:
+    """Vertices (n,) of edges and triangles that cross, and of edges without exactly two triangles."""
+    pairs = crossings(surface)
+    found = np.zeros(len(surface.vertices), dtype=bool)
+    found[surface.edges()[pairs[:, 0]]] = True
+    found[surface.triangles[pairs[:, 1]]] = True
+    found[surface.crowded_edges()] = True
+    found[surface.boundary_edges()] = True
+    return found
 
 
 def _rebuild(surface: Surface, said: list[str]) -> Surface:
     """The outer surface of all points that the surface winds around."""
-    length = max(float(surface.edge_lengths().mean()), float(np.ptp(surface.vertices, axis=0).max()) / FINEST)
+    length = _cell(surface)
     grid = Grid.around(surface.vertices, 2 * length, length)
     points = grid.points()
     distance = Distance(surface).closest(points)[0]

@@ -161,9 +161,7 @@ class Surface:
 
     @cached_property
     def _edges(self) -> tuple[IntArray, IntArray]:
-        directed = directed_edges(self.triangles)
-        edges, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-        return edges, counts
+        return unique_pairs(np.sort(directed_edges(self.triangles), axis=1))
 
     def edges(self) -> IntArray:
         """Undirected edges (e, 2), each once, smaller index first, sorted."""
@@ -181,16 +179,14 @@ class Surface:
 
     def crowded_edges(self) -> IntArray:
         """Edges (e, 2) along which several triangles run in the same direction."""
-        directed = directed_edges(self.triangles)
-        edges, counts = np.unique(directed, axis=0, return_counts=True)
+        edges, counts = unique_pairs(directed_edges(self.triangles))
         return edges[counts > 1]
 
     def is_closed(self) -> bool:
         """Whether every edge has two triangles that run along it in opposite directions."""
-        directed = directed_edges(self.triangles)
-        if len(directed) == 0 or not (self._edges[1] == 2).all():
+        if len(self.triangles) == 0 or not (self._edges[1] == 2).all():
             return False
-        return len(np.unique(directed, axis=0)) == len(directed)
+        return len(self.crowded_edges()) == 0
 
     def edge_numbers(self) -> IntArray:
         """For each triangle's edge from corner i to i + 1 (3 k,), the number of its undirected edge."""
@@ -271,6 +267,27 @@ def directed_edges(triangles: IntArray) -> IntArray:
         Start and end of each edge: first edges of all triangles, then all second edges, then all third ones.
     """
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+
+
+def unique_pairs(pairs: IntArray) -> tuple[IntArray, IntArray]:
+    """Pairs of numbers, each once.
+
+    Parameters
+    ----------
+    pairs : array (p, 2) of int
+        Numbers from 0.
+
+    Returns
+    -------
+    pairs : array (u, 2) of int
+        Sorted by the first number, then by the second.
+    counts : array (u,) of int
+        How often each was there.
+    """
+    # One number a pair: rows as keys are sorted ten times more slowly.
+    count = int(pairs.max(initial=0)) + 1
+    keys, counts = np.unique(pairs[:, 0] * count + pairs[:, 1], return_counts=True)
+    return np.stack(np.divmod(keys, count), axis=1), counts
 
 
 def sums_at(places: IntArray, vectors: Array, count: int) -> Array:
