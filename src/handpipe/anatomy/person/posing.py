@@ -249,7 +249,10 @@ def fit_pose(template: SubjectTemplate, target: Points, pose: Mapping[str, float
         return np.concatenate([np.ravel(away) / POINT / scale, (x[7:] - usual) / deviations])
 
     first = np.concatenate([turn, start.offset, [np.log(scale)], usual])
-    best = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8).x
+    fit = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8)
+    if not fit.success:
+        log.warning("the pose was not fitted to the end: %s", fit.message)
+    best = fit.x
     rest = np.linalg.norm(residuals(best)[: 3 * len(names)].reshape(-1, 3), axis=1) * POINT * scale
     log.info(
         "posed by %d feature points: mean distance %.1f mm, largest %.1f mm",

@@ -6,6 +6,7 @@ space of looks, from one convex problem. Bone and background weigh the same, how
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.special import expit
 from handpipe.core import Array, BoolArray
 from handpipe.imaging.learned.features import AXES
 
+log = logging.getLogger(__name__)
 WAVES = 600  # random features
 WIDTH = 4.0  # of the kernel, in deviations of the features
 NEARBY = 4.0  # times as much a voxel's place counts: a tissue's look varies over the image
@@ -101,4 +103,6 @@ def _fitted(lifted: NDArray, bone: BoolArray) -> NDArray:
 
     start = np.zeros(lifted.shape[1] + 1)
     found = minimize(loss, start, jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
+    if not found.success:
+        log.warning("the look of a bone was not learned to the end: %s", found.message)
     return np.asarray(found.x, np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,6 +16,7 @@ from handpipe.skeleton.scan_alignment.image_skin import ImageSkin, SkinHinge
 from handpipe.skeleton.scan_alignment.matches import Matches
 from handpipe.skeleton.scan_alignment.rigid_start import FINE, thinned
 
+log = logging.getLogger(__name__)
 ROUNDS = 30  # in which joints turn, at most
 ABOUT, ASIDE = 4.0, 1.0  # deg, standard deviations of turns about a joint's axes and across them
 NOISE = 0.3  # mm, of a patch's distance
@@ -77,7 +79,9 @@ def articulate(scan: Surface, skin: ImageSkin, motion: RigidTransform) -> Articu
         found = _moved(found, step, found.motion(points).mean(axis=0))
         least = max(TIGHTENING * least, LEAST)
         if np.abs(step[:3]).max(initial=0.0) < STILL and np.abs(step[6:]).max(initial=0.0) < STILL:
-            break
+            return found
+    degrees = np.degrees(np.abs(np.concatenate([step[:3], step[6:]])).max())
+    log.warning("the scan still turns by %.2g deg after %d rounds of its alignment", degrees, ROUNDS)
     return found
 
 
