@@ -28,18 +28,24 @@ def fill_holes(surface: Surface, said: list[str]) -> Surface:
         return filled
     length = float(np.linalg.norm(np.diff(surface.vertices[rim], axis=1), axis=2).mean())
     near = rings_around(np.arange(len(filled.vertices)) >= n, filled.triangles, AROUND)
-    patched = _patched(filled, n, near, length)
-    if patched is None:  # the rim of what is near meets itself
-        patched = _patched(filled, n, np.ones_like(near), length)
-    return filled if patched is None else patched
+    return _patched(filled, n, near, length)
 
 
 def rings_around(vertices: BoolArray, triangles: IntArray, rings: int) -> BoolArray:
-    """Which triangles (k,) touch the vertices (n,), or lie in one of the rings around those."""
+    """Which triangles (k,) touch the vertices (n,), or lie in one of the rings around those.
+
+    More are added where they would meet in a vertex alone: each vertex of their rim has two neighbours there.
+    """
     near = vertices.copy()
     for _ in range(rings):
         near[triangles[near[triangles].any(axis=1)]] = True
-    return np.asarray(near[triangles].any(axis=1))
+    while True:
+        chosen = np.asarray(near[triangles].any(axis=1))
+        starts, counts = np.unique(_rim(triangles[chosen])[:, 0], return_counts=True)
+        pinched = starts[(counts > 1) & ~near[starts]]
+        if len(pinched) == 0:
+            return chosen
+        near[pinched] = True
 
 
 def _rim(triangles: IntArray) -> IntArray:
@@ -59,17 +65,14 @@ def _with_fans(surface: Surface, rim: IntArray) -> Surface:
     return Surface(np.concatenate([surface.vertices, middle]), np.concatenate([surface.triangles, fans]))
 
 
-def _patched(filled: Surface, n: int, near: BoolArray, length: float) -> Surface | None:
+def _patched(filled: Surface, n: int, near: BoolArray, length: float) -> Surface:
     """Fans around all vertices from `n` on turned into smooth patches, with edges of about a length in mm.
 
-    Only the triangles `near` (k,) are looked at: fans close what is left open where they are taken out. None
-    where those do not close it.
+    Only the triangles `near` (k,) are looked at, with fans that close them.
     """
     part = Surface(filled.vertices, filled.triangles[near])
     if len(rim := _rim(part.triangles)):
         part = _with_fans(part, rim)
-    if not part.is_closed():
-        return None
     part, source = split_fans(part)
     fixed = (source < n) | (source >= len(filled.vertices))
     names = np.where(source < n, source, -1)[fixed]

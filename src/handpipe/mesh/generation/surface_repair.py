@@ -16,7 +16,7 @@ from handpipe.mesh.surfaces.surface import Surface, concatenate
 MERGE = 1e-6  # of the extent: vertices closer than this are one
 SMALL = 0.01  # of the largest part's area: smaller parts are dropped
 FINEST = 150  # cells of a grid along the longest side
-RINGS = (0, 1, 2, 4)  # rings of triangles around a fault that are cut out, one width after the other
+RINGS = (0, 1, 2, 3, 4)  # of triangles around a fault that are cut out, one width after the other
 
 
 def repair(surface: Surface) -> tuple[Surface, list[str]]:
@@ -111,20 +111,22 @@ def _winding(triangles: IntArray) -> BoolArray:
 
 
 def _without_faults(surface: Surface, said: list[str]) -> Surface:
-    """Cut out and fill what crosses or is no manifold, unless a patch would be far off."""
-    faults = _faults(surface)
+    """Cut out and fill what crosses or is no manifold, unless a patch would be far off.
+
+    Patches may cut what is beside them: then more around them is cut out.
+    """
+    found, area = surface, 0.0
     for rings in RINGS:
-        gone = rings_around(faults, surface.triangles, rings)
+        gone = rings_around(_faults(found), found.triangles, rings)
         if gone.all():
             break
-        peeled = Surface(surface.vertices, surface.triangles[~gone])
-        found = fill_holes(_drop_small_parts(peeled, []), [])
+        area += float(found.triangle_areas()[gone].sum())
+        peeled = Surface(found.vertices, found.triangles[~gone])
+        found = fill_holes(_drop_small_parts(peeled, []).compact(), [])
         if not found.is_closed() or cuts_itself(found):
             continue
-        before = surface.vertices[np.unique(surface.triangles[gone])]
-        if Distance(found).closest(before)[0].max() > _cell(surface):
+        if Distance(found).closest(surface.vertices)[0].max() > _cell(surface):
             break
-        area = surface.triangle_areas()[gone].sum()
         said.append(f"Filled {area:.2g} mm^2 anew, where the surface cut itself or was not a manifold.")
         return found
     return surface
