@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core import InputError, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.skeleton.scan_alignment import smooth_offset
 from handpipe.skeleton.scan_alignment.alignment import Alignment, align_scan
 from handpipe.skeleton.scan_alignment.image_skin import ImageSkin, SkinHinge
 from handpipe.skeleton.scan_alignment.refusal import limits_used, require_same_hand, require_same_size
@@ -89,6 +90,23 @@ def test_detail_that_the_image_does_not_show_is_kept():
     middle = (plain.vertices[:, 0] > 10) & (plain.vertices[:, 0] < 140)
     kept = np.polyfit(ridges[middle], signed[middle], 1)[0]
     assert kept > 0.85
+
+
+def test_a_field_on_a_coarser_copy_of_the_scan_is_that_on_the_scan_itself(monkeypatch):
+    rng = np.random.default_rng(6)
+    skin = skin_of("neutral")
+    scan = finger_scan(posture("neutral", 1), rng)
+    wave = 0.3 * np.sin(2 * np.pi * scan.vertices[:, 0] / 60.0)
+    bulged = scan.moved(scan.vertices + wave[:, None] * scan.vertex_normals())
+    found = {}
+    for edge in (2.0, 0.1):
+        monkeypatch.setattr(smooth_offset, "CARRIER", edge)
+        found[edge] = smooth_offset.smooth_offset(bulged, skin, scan.volume()).vertices
+    moved = np.linalg.norm(found[0.1] - bulged.vertices, axis=1)
+    away = np.linalg.norm(found[2.0] - found[0.1], axis=1)
+    assert moved.mean() > 0.1
+    assert away.mean() < 0.01
+    assert np.quantile(away, 0.99) < 0.05
 
 
 def test_the_volume_of_the_scan_is_kept_where_the_skin_of_the_image_is_too_large():

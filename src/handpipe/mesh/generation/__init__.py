@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
     from handpipe.mesh.generation.meshing import tetrahedralise
     from handpipe.mesh.generation.remeshing import remesh
+    from handpipe.mesh.generation.simplification import simplified
     from handpipe.mesh.generation.surface_repair import repair
 else:
     __getattr__ = face(__name__)
@@ -23,6 +24,7 @@ __all__ = [
     "remesh",
     "remesh_graded",
     "repair",
+    "simplified",
     "smooth_minimum",
     "tetrahedralise",
     "union_surface",

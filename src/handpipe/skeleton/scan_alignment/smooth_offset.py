@@ -8,7 +8,8 @@ from scipy import sparse
 
 from handpipe.core import Array
 from handpipe.fem.linear import factorise
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.generation import simplified
+from handpipe.mesh.surfaces import Distance, Surface, barycentric_matrix
 from handpipe.skeleton.scan_alignment.image_skin import ImageSkin
 from handpipe.skeleton.scan_alignment.matches import Matches
 
@@ -16,6 +17,7 @@ LENGTH = 3.0  # mm: waves of 2 pi times this length are followed by half
 TIED = 0.02  # weight of no displacement at all against the distances
 NOISE = 0.2  # mm; distances beyond five times the bulk's are outliers
 VOLUME = 0.01  # share of the scan's volume that the alignment may change
+CARRIER = 1.5  # mm, edge of the coarser copy of the scan that carries the field
 ROUNDS = 2  # each with outliers weighted anew
 
 
@@ -27,13 +29,15 @@ def smooth_offset(scan: Surface, skin: ImageSkin, volume: float) -> Surface:
     """
     distance, moved = Distance(skin.surface), scan
     mass = np.maximum(vertex_areas(scan), 1e-9)
-    bending = _bending(scan, mass)
+    carrier = simplified(scan, CARRIER)
+    carried = _carried(scan, carrier)
+    smooth = _smooth(carrier)
     total = np.zeros_like(scan.vertices)
     for _ in range(ROUNDS):
         match = Matches.find(moved.vertices, moved.vertex_normals(), distance, skin.trusted)
         weights = mass * match.weights(NOISE)
         right = -match.signed + np.einsum("ij,ij->i", match.normals, total)
-        total = _solved(match.normals, weights, right, mass, bending)
+        total = carried @ _solved(match.normals, weights, right, carried, smooth)
         moved = scan.moved(scan.vertices + total)
     return scan.moved(scan.vertices + _within_volume(scan, total, mass, volume))
 
@@ -44,20 +48,30 @@ def vertex_areas(scan: Surface) -> Array:
     return np.asarray(np.bincount(scan.triangles.ravel(), thirds, len(scan.vertices)), dtype=float)
 
 
-def _bending(scan: Surface, mass: Array) -> sparse.csr_matrix:
-    laplacian = sparse.csr_matrix(igl.cotmatrix(scan.vertices, scan.triangles))
-    return (LENGTH**4 * laplacian.T @ sparse.diags(1 / mass) @ laplacian).tocsr()
+def _carried(scan: Surface, carrier: Surface) -> sparse.csr_matrix:
+    """The matrix (n, m) that takes a field from the vertices of a coarser copy to those of the scan."""
+    if carrier is scan:
+        return sparse.identity(len(scan.vertices), format="csr")
+    _, triangles, places = Distance(carrier).closest(scan.vertices)
+    return barycentric_matrix(places, carrier.triangles[triangles], carrier.vertices)
 
 
-def _solved(normals: Array, weights: Array, right: Array, mass: Array, bending: sparse.csr_matrix) -> Array:
-    """Displacements (n, 3) of least energy: those along the normals by `right` (n,) where weights are."""
-    n = len(mass)
-    blocks = weights[:, None, None] * normals[:, :, None] * normals[:, None, :]
-    data = sparse.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n))
-    smooth = bending + TIED * sparse.diags(mass)
-    matrix = (data + sparse.kron(smooth, sparse.identity(3))).tocsr()
-    found = factorise(matrix).solve(((weights * right)[:, None] * normals).reshape(-1))
-    return np.asarray(found).reshape(n, 3)
+def _smooth(carrier: Surface) -> sparse.csr_matrix:
+    """Energy (m, m) of a field's bending along a surface, and of its size."""
+    mass = sparse.diags(np.maximum(vertex_areas(carrier), 1e-9))
+    laplacian = sparse.csr_matrix(igl.cotmatrix(carrier.vertices, carrier.triangles))
+    bending = LENGTH**4 * laplacian.T @ sparse.diags(1 / mass.diagonal()) @ laplacian
+    return (bending + TIED * mass).tocsr()
+
+
+def _solved(
+    normals: Array, weights: Array, right: Array, carried: sparse.csr_matrix, smooth: sparse.csr_matrix
+) -> Array:
+    """Field (m, 3) of least energy that moves the scan's vertices along the normals by `right` (n,)."""
+    rows = sparse.hstack([sparse.diags(normals[:, i]) @ carried for i in range(3)], format="csr")
+    matrix = rows.T @ sparse.diags(weights) @ rows + sparse.kron(sparse.identity(3), smooth)
+    found = factorise(sparse.csr_matrix(matrix)).solve(rows.T @ (weights * right))
+    return np.asarray(found).reshape(3, -1).T
 
 
 def _within_volume(scan: Surface, field: Array, mass: Array, volume: float) -> Array:
