@@ -171,7 +171,7 @@ def test_the_command_names_what_is_wrong(skin: Path, tmp_path: Path, capsys) -> 
     target.write_text("bones: {a: {kind: cylinder, points: [[0, 0, 0], [200, 0, 0]]}}", encoding="utf-8")
     assert main(["bones", str(target), "--skin", str(skin), "--check"]) == 1
     said = capsys.readouterr()
-    assert "bones.a: " in said.err and "1 faults" in said.out
+    assert "bones.a: " in said.err and "1 fault\n" in said.out
     for further, message in (
         (["--library", str(tmp_path / "none")], "has no surface"),
         (["--skin", str(tmp_path / "no.ply")], "no.ply"),

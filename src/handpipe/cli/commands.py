@@ -107,8 +107,7 @@ def check(subject: Subject) -> int:
         found = faults(source, dataset)
     for fault in found:
         print(f"handpipe: {fault}", file=sys.stderr)
-    print(f"{subject}: {len(found)} faults" if found else f"{subject}: nothing is wrong")
-    return int(bool(found))
+    return _checked(subject, len(found))
 
 
 @app.command()
@@ -380,10 +379,11 @@ def deck(
     print(file)
 
 
-def _checked(file: Path, faults: int) -> int:
-    """Say how many faults a file has; the exit code."""
-    print(f"{file}: {faults} faults" if faults else f"{file}: nothing is wrong")
-    return int(bool(faults))
+def _checked(what: str | Path, count: int) -> int:
+    """Say how many faults a subject or a file has; the exit code."""
+    words = {0: "nothing is wrong", 1: "1 fault"}
+    print(f"{what}: {words.get(count, f'{count} faults')}")
+    return int(bool(count))
 
 
 def _asked(subject: str, scenes: list[str] | None, configuration: Path | None, stage: str) -> workflow.Build:
