@@ -16,7 +16,7 @@ from handpipe.tissues.fat.creases.fold_form import fold_form
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.tissue import Tissue
 
-PACE = Pace(step=np.radians(15.0), iterations=100)  # its skin is no stiffer than the rest
+PACE = Pace(step=np.radians(10.0), iterations=3)  # its skin is no stiffer than the rest
 
 
 class CreaseLayer(TissueLayer):
