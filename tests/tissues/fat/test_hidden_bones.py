@@ -10,8 +10,9 @@ from scipy import sparse
 from handpipe.core.layers import Region, Shape
 from handpipe.fem.contact import Contact
 from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.fat.hidden_bones import COVER, HiddenBones
-from handpipe.tissues.fat.resting import LoadCase, settled_from
+from handpipe.tissues.fat.resting import LoadCase, pressures_at, settled_from
 from handpipe.tissues.fat.skin import Rigid
 
 from .limb import at_rest, below, capsule, limb
@@ -86,16 +87,28 @@ def test_a_bone_moves_the_skin_that_would_let_it_through(monkeypatch: pytest.Mon
     bare = whole.inner.chosen(whole.inner.rest[:, 1] < 0)
     tissue = replace(whole, rigid={"tip": Rigid("core", still)}, inner=bare)
 
-    def outside() -> float:
+    def settled() -> tuple[LoadCase, np.ndarray]:
         x = tissue.mesh.vertices
         for height in (4.0, 4.5, 5.0):  # mm: the skin is not deep in the bone at any start
             posed = below(core.vertices + [0.0, height, 0.0], Region.contact)
             case = LoadCase.of(tissue, posed, at_rest())
             x = settled_from(case, x).x
+        return case, x
+
+    def outside() -> float:
+        case, x = settled()
         skin = case.skin(x)
         mesh = trimesh.Trimesh(skin.vertices, skin.triangles)
-        return -float(trimesh.proximity.signed_distance(mesh, posed["bones"]["core"].vertices).min())
+        core_at = case.below["bones"]["core"].vertices
+        return -float(trimesh.proximity.signed_distance(mesh, core_at).min())
 
     assert outside() < 0.15  # edges of the skin are as long as the bone's radius
+    case, x = settled()
+    pressure, skin = pressures_at(case, x)[""]["skin"], case.skin(x)
+    pressed = pressure > 0.01 * pressure.max()
+    assert pressed.any() and skin.vertices[pressed, 1].min() > 3.0  # above the bone alone
+    force = (pressure * mass_lumped(skin.vertices, skin.triangles)) @ skin.vertex_normals()
     monkeypatch.setattr(HiddenBones, "contact", lambda *_: list[Contact]())
+    others = np.sum([potential.gradient(x) for potential in case.constraints(x)], axis=(0, 1))
+    assert force[1] == pytest.approx(others[1], rel=0.1)  # what holds the tissue balances the bone
     assert outside() > 1.0

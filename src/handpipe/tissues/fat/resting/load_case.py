@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from handpipe.core import Array, IntArray, Region, RigidTransform, Shapes
 from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding
@@ -139,14 +140,22 @@ class LoadCase:
     def _on_skin(self, x: Array, unit: float, contact: Sequence[Potential] | None) -> list[Potential]:
         """Attachments of nails and the cut end to bones, contact with bones, self-contact if it is on."""
         tissue, rest, matrix = self.tissue, self.tissue.skin.vertices, self.tissue.skin_matrix
-        stiffness, skin, bones = unit * tissue.skin_areas, self.skin(x), self.below.get("bones", {})
+        stiffness, skin = unit * tissue.skin_areas, self.skin(x)
         parts: list[Potential] = [
             Attachment(matrix[part.vertices], self.rigid[name](rest[part.vertices]), stiffness[part.vertices])
             for name, part in tissue.rigid.items()
         ]
-        parts += tissue.hidden_bones.contact(skin, bones, matrix, (1 + STIFFER) * unit)
+        parts += self.bones_on_skin(skin, matrix, unit)
         if contact is not None:
             return [*parts, *contact]
         if not tissue.skin_contact:
             return parts
         return [*parts, *skin_on_skin(tissue.skin, skin, matrix, stiffness)]
+
+    def bones_on_skin(self, skin: Surface, matrix: sparse.csr_matrix, unit: float) -> list[Contact]:
+        """Contact of the skin, as it is now, with bones beneath it.
+
+        matrix: (v, n) takes unknowns to the skin's vertices; unit: stiffness in kPa/mm of all contact.
+        """
+        bones = self.below.get("bones", {})
+        return list(self.tissue.hidden_bones.contact(skin, bones, matrix, (1 + STIFFER) * unit))

@@ -25,11 +25,18 @@ def pressures_at(case: LoadCase, x: Array) -> dict[str, dict[str, Array]]:
     Returns
     -------
     dict of str to dict of str to array
-        Pressures in kPa by layer and body; the skin's layer is "". That of the skin on itself is by skin
-        vertex (k,), that of the tissue on a body below by its vertex; the latter is zero where the tissue is
-        fixed or slides.
+        Pressures in kPa by layer and body; the skin's layer is "". That of the skin on itself and of bones on
+        the skin is by skin vertex (k,), that of the tissue on a body below by its vertex; the latter is zero
+        where the tissue is fixed or slides.
     """
-    return {"": {"skin": _on_skin(case, x)}, **_on_bodies(case, x)}
+    return {"": {"skin": _on_skin(case, x) + _of_bones(case, x)}, **_on_bodies(case, x)}
+
+
+def _of_bones(case: LoadCase, x: Array) -> Array:
+    """Pressure (k,) of bones on the skin above them, which it moves outwards."""
+    skin = case.skin(x)
+    identity = sparse.identity(len(skin.vertices), format="csr")
+    return -contact_pressures(case.bones_on_skin(skin, identity, case.tissue.settings.stiffness), skin)
 
 
 def _on_skin(case: LoadCase, x: Array) -> Array:
