@@ -17,7 +17,8 @@ def simplified(surface: Surface, edge: float) -> Surface:
     surface : Surface
         Surface in mm, open or closed. It is repaired, and so closed, where it is no manifold.
     edge : float
-        Edge length in mm. A surface that is not finer is returned as it is.
+        Edge length in mm. A surface that is not finer is returned as it is, and one that is no manifold even
+        when repaired.
 
     Returns
     -------
@@ -31,7 +32,13 @@ def simplified(surface: Surface, edge: float) -> Surface:
     count = int(surface.area() / (np.sqrt(3) / 4 * edge**2))
     if len(surface.triangles) <= count:
         return surface
+    found = _decimated(surface, count)
+    if found is None:
+        found = _decimated(repair(surface)[0], count)
+    return surface if found is None else found
+
+
+def _decimated(surface: Surface, count: int) -> Surface | None:
+    """A copy of `count` triangles; None where the surface is no manifold."""
     vertices, triangles = igl.qslim(surface.vertices, surface.triangles, count)[:2]
-    if len(triangles) == 0:
-        return simplified(repair(surface)[0], edge)
-    return Surface(vertices, np.asarray(triangles, dtype=np.int64))
+    return Surface(vertices, np.asarray(triangles, dtype=np.int64)) if len(triangles) else None

@@ -122,7 +122,7 @@ def _without_faults(surface: Surface, said: list[str]) -> Surface:
             break
         area += float(found.triangle_areas()[gone].sum())
         peeled = Surface(found.vertices, found.triangles[~gone])
-        found = fill_holes(_drop_small_parts(peeled, []).compact(), [])
+        found = fill_holes(_drop_small_parts(peeled, []), [])
         if not found.is_closed() or cuts_itself(found):
             continue
         if Distance(found).closest(surface.vertices)[0].max() > _cell(surface):

@@ -58,10 +58,10 @@ def _carried(scan: Surface, carrier: Surface) -> sparse.csr_matrix:
 
 def _smooth(carrier: Surface) -> sparse.csr_matrix:
     """Energy (m, m) of a field's bending along a surface, and of its size."""
-    mass = sparse.diags(np.maximum(vertex_areas(carrier), 1e-9))
+    mass = np.maximum(vertex_areas(carrier), 1e-9)
     laplacian = sparse.csr_matrix(igl.cotmatrix(carrier.vertices, carrier.triangles))
-    bending = LENGTH**4 * laplacian.T @ sparse.diags(1 / mass.diagonal()) @ laplacian
-    return (bending + TIED * mass).tocsr()
+    bending = LENGTH**4 * laplacian.T @ sparse.diags(1 / mass) @ laplacian
+    return (bending + TIED * sparse.diags(mass)).tocsr()
 
 
 def _solved(
